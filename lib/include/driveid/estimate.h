@@ -1,0 +1,67 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Estimate and estimator: what every on-line method gives, and the one interface that runs any of them.
+ *
+ * The concrete methods (fsm.h, ...) are plain structs that the caller owns; a snapshot is a copy. This page is the
+ * type-erased front that the daemon and Python use: method and number type are chosen by name at configuration. */
+#ifndef DRIVEID_ESTIMATE_H
+#define DRIVEID_ESTIMATE_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include <driveid/regression.h>
+#include <driveid/status.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* One trustworthy answer. Written only with DRIVEID_OK. */
+typedef struct driveid_estimate {
+    int64_t t_ns;                      /* instant it belongs to */
+    int64_t first_ns;                  /* stamp of the first sample behind it */
+    int64_t first_trusted_ns;          /* stamp of the first valid estimate since the last restart */
+    uint32_t samples;                  /* effective number behind it */
+    uint32_t restarts;                 /* residual alarms so far */
+    uint32_t params;
+    uint32_t valid_mask;               /* bit k: theta[k] is trustworthy */
+    uint32_t weak_mask;                /* bit k: theta[k] cannot be had from these data */
+    double theta[DRIVEID_THETA_MAX];   /* SI */
+    double lo[DRIVEID_THETA_MAX];      /* 95 % interval */
+    double hi[DRIVEID_THETA_MAX];
+    double cov[DRIVEID_THETA_MAX * DRIVEID_THETA_MAX]; /* row-major params x params, for propagation to physical parameters */
+    double residual_rms;               /* of the filtered equation error, SI of equation 0 */
+    double condition;                  /* of the scaled normal matrix */
+} driveid_estimate;
+
+typedef enum driveid_real { DRIVEID_F64 = 0, DRIVEID_F32 = 1, DRIVEID_Q31 = 2 } driveid_real;
+
+typedef struct driveid_estimator_options {
+    double dt_s;           /* nominal sample time; the true one comes from the stamps */
+    double bandwidth_rad_s;/* of the filter bank; 0: chosen from dt_s */
+    double forgetting_s;   /* memory of the long-running scheme; 0: default 10 s; INFINITY: never forget */
+    double gap_s;          /* a longer silence is a gap; 0: 5 dt_s */
+    double alarm;          /* residual alarm threshold; 0: default, < 0: never restart */
+    double range[DRIVEID_CHANNELS_MAX]; /* q31: declared |channel| range, SI */
+} driveid_estimator_options;
+
+/* Caller-owned storage for any method; no self-pointers, so a copy is a snapshot. */
+typedef struct driveid_estimator driveid_estimator;
+
+/* Bytes and alignment needed for (method, type); 0 where that pair does not exist. */
+size_t driveid_estimator_size(const char *method, driveid_real type);
+
+/* method: "fsm" (others as they come). DRIVEID_ERR_CONFIG with a sentence in reason[reason_size] where it is refused. */
+driveid_status driveid_estimator_configure(driveid_estimator *self, size_t size, const char *method, driveid_real type,
+                                           const driveid_regression *regression,
+                                           const driveid_estimator_options *options, char *reason, size_t reason_size);
+
+/* channel[regression.channels], SI. */
+driveid_status driveid_estimator_update(driveid_estimator *self, int64_t t_ns, const double *channel);
+driveid_status driveid_estimator_estimate(const driveid_estimator *self, driveid_estimate *out);
+void driveid_estimator_restart(driveid_estimator *self);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,102 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Model: a structure (known equations of a drive) plus the effects that were added to it, with parameter values.
+ *
+ * The same definition in C, in the TOML model file (model_file.h), in Python and on the screen. */
+#ifndef DRIVEID_MODEL_H
+#define DRIVEID_MODEL_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include <driveid/estimate.h>
+#include <driveid/regression.h>
+#include <driveid/sample.h>
+#include <driveid/status.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#define DRIVEID_NAME_SIZE 40
+#define DRIVEID_PARAMS_MAX 16        /* per structure, or per effect */
+#define DRIVEID_MODEL_EFFECTS_MAX 12
+
+typedef enum driveid_structure {
+    DRIVEID_STRUCTURE_RIGID_AXIS = 0,
+    DRIVEID_STRUCTURE_LINEAR_AXIS,
+    DRIVEID_STRUCTURE_TWO_MASS_AXIS,
+    DRIVEID_STRUCTURE_DC_CIRCUIT,
+    DRIVEID_STRUCTURE_DC_DRIVE,
+    DRIVEID_STRUCTURE_PMSM_DRIVE,
+    DRIVEID_STRUCTURE_LTI,
+    DRIVEID_STRUCTURE_COUNT
+} driveid_structure;
+
+typedef enum driveid_param_state {
+    DRIVEID_PARAM_UNSET = 0,  /* no value yet: fit finds it */
+    DRIVEID_PARAM_FREE = 1,   /* has a value, fit may change it */
+    DRIVEID_PARAM_GIVEN = 2   /* the user's: fit never changes it */
+} driveid_param_state;
+
+typedef struct driveid_param {
+    char name[DRIVEID_NAME_SIZE]; /* symbol and unit: "J_kgm2" */
+    char unit[16];                /* "kg m^2" */
+    driveid_param_state state;
+    double value, lo, hi;         /* 95 % interval; lo = hi = value where given or unknown */
+} driveid_param;
+
+typedef struct driveid_effect_use {
+    char name[DRIVEID_NAME_SIZE]; /* canonical name (effect.h), or an own one with a formula */
+    char formula[160];            /* own effects only, else "" */
+    char adds_to[16];             /* own effects only: "tau_Nm", "F_N", "v_V" */
+    uint32_t params;
+    driveid_param param[DRIVEID_PARAMS_MAX];
+} driveid_effect_use;
+
+typedef struct driveid_model {
+    driveid_structure structure;
+    uint32_t params;
+    driveid_param param[DRIVEID_PARAMS_MAX];
+    uint32_t effects;
+    driveid_effect_use effect[DRIVEID_MODEL_EFFECTS_MAX];
+} driveid_model;
+
+const char *driveid_structure_name(driveid_structure structure);
+driveid_status driveid_structure_from_name(const char *name, driveid_structure *structure);
+
+/* Empty model of a structure: every parameter UNSET. DRIVEID_ERR_ARGUMENT where structure is unknown. */
+driveid_status driveid_model_init(driveid_model *model, driveid_structure structure);
+
+/* Set a parameter as given; names that only exist as given ("K_t_Nm_A", "K_F_N_A", "pole_pairs") are accepted.
+ * DRIVEID_ERR_ARGUMENT where the structure has no such parameter. */
+driveid_status driveid_model_give(driveid_model *model, const char *name, double value);
+
+/* On-line form -------------------------------------------------------------------------------------------------- */
+
+/* A model made ready for an on-line estimator: the regression, how to fill its channels, and how to come back. */
+typedef struct driveid_online {
+    driveid_model model;
+    driveid_regression regression;
+    uint32_t present;                                    /* signals that the samples must carry (driveid_signal bits) */
+    uint32_t physical;                                   /* number of physical parameters it can give */
+    char physical_name[DRIVEID_THETA_MAX][DRIVEID_NAME_SIZE];
+    char missing[256];                                   /* parameters that cannot be had from these signals, and what to record; "" if none */
+    double state[8];                                     /* small memory of the channel filler (last speed sign, last theta) */
+    uint8_t recipe;                                      /* private: which filler */
+} driveid_online;
+
+/* signals: bits of the driveid_signal that will be present. DRIVEID_ERR_CONFIG where nothing can be identified (reason says why). */
+driveid_status driveid_online_init(driveid_online *online, const driveid_model *model, uint32_t signals,
+                                   char *reason, size_t reason_size);
+
+/* Fill channel[regression.channels] from a sample. DRIVEID_NOT_YET where a needed signal is absent. */
+driveid_status driveid_online_channels(driveid_online *online, const driveid_sample *sample, double *channel);
+
+/* theta -> physical parameters with propagated 95 % intervals (delta method on the covariance). out[physical]. */
+driveid_status driveid_online_physical(const driveid_online *online, const driveid_estimate *estimate,
+                                       driveid_param *out, uint32_t *valid_mask);
+
+#ifdef __cplusplus
+}
+#endif
+#endif
