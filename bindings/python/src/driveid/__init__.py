@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
+"""driveid: identify electric drives, compare the model with measurements, learn which effect is missing."""

@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Series for plots: measured signals, what each model predicts, and the residuals, on the time of the record."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from . import units
+from .decimate import Pyramid
+
+
+@dataclass(frozen=True)
+class Curve:
+    """One row of the data that driveid_series gives."""
+
+    name: str
+    unit: str
+    what: str
+    values: np.ndarray
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Measured and predicted of one signal; ``title`` says which prediction it is."""
+
+    title: str
+    unit: str
+    measured: np.ndarray
+    model: np.ndarray
+
+    @property
+    def residual(self) -> np.ndarray:
+        return self.measured - self.model
+
+
+@dataclass
+class Series:
+    """All curves of one record with one model."""
+
+    t_s: np.ndarray
+    curves: list[Curve]
+    record: str = ""
+    _pyramids: dict[str, Pyramid] = field(default_factory=dict, repr=False)
+
+    @classmethod
+    def of(cls, t_s: np.ndarray, header: dict, data: np.ndarray, record: str = "") -> Series:
+        """From the header and the values of driveid_series."""
+        rows = np.asarray(data, dtype=float).reshape(len(header["series"]), -1)
+        curves = [Curve(s["name"], s.get("unit") or units.split_name(s["name"])[1], s.get("what") or "", row)
+                  for s, row in zip(header["series"], rows, strict=True)]
+        return cls(np.asarray(t_s, dtype=float), curves, record)
+
+    def get(self, name: str) -> Curve | None:
+        return next((c for c in self.curves if c.name == name), None)
+
+    @property
+    def signals(self) -> list[Curve]:
+        """What was measured."""
+        return [c for c in self.curves if c.what in ("signal", "measured")]
+
+    def pyramid(self, name: str) -> Pyramid:
+        if name not in self._pyramids:
+            curve = self.get(name)
+            if curve is None:
+                raise KeyError(name)
+            self._pyramids[name] = Pyramid(curve.values)
+        return self._pyramids[name]
