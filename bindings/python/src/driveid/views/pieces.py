@@ -19,7 +19,8 @@ def tag(text: str, kind: str = "soft") -> str:
 def table(head: list[str], rows: list[list[str]], numeric: set[int] = frozenset()) -> str:
     """Cells are HTML already."""
     def cell(name: str, column: int, text: str) -> str:
-        return f'<{name}{" class=\"num\"" if column in numeric else ""}>{text}</{name}>'
+        kind = ' class="num"' if column in numeric else ""
+        return f"<{name}{kind}>{text}</{name}>"
 
     top = "".join(cell("th", k, text) for k, text in enumerate(head))
     body = "".join("<tr>" + "".join(cell("td", k, text) for k, text in enumerate(row)) + "</tr>" for row in rows)
@@ -98,7 +99,7 @@ def answer(item: Answer, notices: list[str]) -> str:
     lines = "".join(f"<li>{escape(n)}</li>" for n in notices)
     advice = f'<p class="advice">{escape(item.advice)}</p>' if item.advice else ""
     return (f'<section class="card answer {escape(item.verdict)}"><p class="headline">{escape(item.headline)}</p>'
-            f"<p>{escape(item.sentence)}</p>{advice}{f'<ul class=notices>{lines}</ul>' if lines else ''}</section>")
+            f"<p>{escape(item.sentence)}</p>{advice}" + (f'<ul class="notices">{lines}</ul>' if lines else "") + "</section>")
 
 
 def regimes(items: list[Regime], most: int = 10) -> str:

@@ -21,14 +21,22 @@ class Curve:
     values: np.ndarray
 
 
+_HOW = {"free_run": "free run from the start", "one_step": "one step ahead", "equation": "balance of the equation"}
+
+
 @dataclass(frozen=True)
 class Pair:
     """Measured and predicted of one signal; ``title`` says which prediction it is."""
 
+    name: str
     title: str
     unit: str
     measured: np.ndarray
     model: np.ndarray
+
+    @property
+    def symbol(self) -> str:
+        return units.symbol(self.name)
 
     @property
     def residual(self) -> np.ndarray:
@@ -67,3 +75,19 @@ class Series:
                 raise KeyError(name)
             self._pyramids[name] = Pyramid(curve.values)
         return self._pyramids[name]
+
+    def pairs(self) -> list[Pair]:
+        """Measured against predicted, the simulation first: what a person looks at before anything else."""
+        out = []
+        for curve in self.curves:
+            base, _, how = curve.name.partition(".")
+            measured = self.get(base)
+            if curve.what != "prediction" or measured is None:
+                continue
+            out.append(Pair(base, f"{units.symbol(base)}, {_HOW.get(how, how)}", curve.unit, measured.values, curve.values))
+        return sorted(out, key=lambda p: p.title)
+
+    def balance(self) -> Curve | None:
+        """Residual of the equation (torque, force or voltage that the model cannot account for)."""
+        residuals = [c for c in self.curves if c.what == "residual"]
+        return next((c for c in residuals if "equation" in c.name), residuals[0] if residuals else None)
