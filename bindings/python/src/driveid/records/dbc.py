@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Frames and a DBC to one table: the fastest wanted message gives the instants, the others are brought to them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from .. import _core
+from ..errors import FileError, UsageError
+from ..units import signal_of
+from .frames import EFF, Frames, extract, unwrap
+from .mapping import Source
+from .table import RawColumn, RawTable
+
+_ANGLES = ("theta_rad", "theta_l_rad", "x_m")
+_GAP_PERIODS = 5  # a longer silence of a message leaves its signals missing
+
+
+@dataclass
+class Track:
+    """One signal over time, at its own instants."""
+
+    name: str
+    unit: str | None
+    message: str
+    t_ns: np.ndarray
+    values: np.ndarray
+
+
+def load_dbc(paths: list[Path]):
+    import cantools
+
+    database = cantools.database.Database(strict=False)
+    for path in paths:
+        try:
+            text = path.read_bytes()
+        except OSError as e:
+            raise FileError(path, f"cannot be read ({e.strerror})") from None
+        try:
+            suffix = path.suffix.lower().lstrip(".")
+            if suffix == "dbc" or not suffix:
+                database.add_dbc_string(text.decode("cp1252"))
+            elif suffix in ("kcd", "sym", "arxml"):
+                getattr(database, f"add_{suffix}_string")(text.decode("utf-8"))
+            else:
+                raise FileError(path, f"unknown kind {path.suffix!r}", mend="Known: .dbc .kcd .sym .arxml")
+        except FileError:
+            raise
+        except Exception as e:  # cantools raises its own and textparser's errors; both name the line
+            raise FileError(path, f"is not a readable database ({e})") from None
+    return database
+
+
+def table_from_frames(path: Path, digest: str, frames: Frames, dbc: list[Path], maps: dict[str, Source]) -> RawTable:
+    if not dbc:
+        ids = ", ".join(f"{i & 0x1FFFFFFF:X} ({len(s)})" for i, s in sorted(frames.stamps.items())[:12])
+        raise UsageError(f"{path}: frames need a database: --dbc FILE.dbc. Identifiers in the log: {ids}")
+    tracks = decode(frames, load_dbc(dbc), path)
+    return align(path, digest, tracks, maps, frames.tell())
+
+
+def decode(frames: Frames, database, path: Path) -> list[Track]:
+    tracks: list[Track] = []
+    for message in database.messages:
+        can_id = message.frame_id | (EFF if message.is_extended_frame else 0)
+        if can_id not in frames.stamps:
+            continue
+        t_ns, data, lengths = frames.of(can_id)
+        for signal in message.signals:
+            track = _track(message, signal, t_ns, data, lengths)
+            if len(track.t_ns):
+                tracks.append(track)
+    if not tracks:
+        there = ", ".join(f"{i & 0x1FFFFFFF:X}" for i in sorted(frames.stamps)[:12])
+        known = ", ".join(f"{m.frame_id:X}" for m in database.messages[:12])
+        raise FileError(path, f"no identifier of the log is in the database: log {there}; database {known}", mend="Is it the DBC of this bus?")
+    return tracks
+
+
+def _track(message, signal, t_ns, data, lengths) -> Track:
+    little = signal.byte_order == "little_endian"
+    raw, ok = extract(data, lengths, signal.start, signal.length, little, signal.is_signed and not signal.is_float)
+    if signal.multiplexer_ids is not None and signal.multiplexer_signal is not None:
+        mux = message.get_signal_by_name(signal.multiplexer_signal)
+        selector, there = extract(data, lengths, mux.start, mux.length, mux.byte_order == "little_endian", False)
+        ok = ok & there & np.isin(selector, signal.multiplexer_ids)
+    t_ns, raw = t_ns[ok], raw[ok]
+    scale, offset = float(signal.scale), float(signal.offset)
+    if signal.is_float:
+        values = _floats(raw, signal.length)
+    else:
+        if signal_of(signal.name, signal.unit) in _ANGLES or signal.name in _ANGLES or "counts" in (signal.unit or ""):
+            if signal.length < 63:
+                raw = unwrap(raw, 1 << signal.length)
+        values = raw.astype(np.float64)
+        if not signal.is_signed and signal.length == 64:
+            values = raw.view(np.uint64).astype(np.float64)
+    return Track(signal.name, signal.unit or None, message.name, t_ns, values * scale + offset if (scale, offset) != (1.0, 0.0) else values)
+
+
+def _floats(raw: np.ndarray, length: int) -> np.ndarray:
+    kind = {16: ("u2", "f2"), 32: ("u4", "f4"), 64: ("u8", "f8")}[length]
+    values = raw.view(np.uint64).astype(kind[0]).view(kind[1]).astype(np.float64)
+    return np.where(np.isfinite(values), values, np.nan)
+
+
+def align(path: Path, digest: str, tracks: list[Track], maps: dict[str, Source], notices: list[str]) -> RawTable:
+    names = _track_names(tracks)
+    wanted = [t for t, n in zip(tracks, names) if _wanted(n, t, maps, names)] or tracks
+    base = max(wanted, key=lambda t: (len(t.t_ns), -int(t.t_ns[0])))
+    t_ns = base.t_ns
+    if np.any(np.diff(t_ns) < 0):
+        order = np.argsort(t_ns, kind="stable")
+        t_ns = t_ns[order]
+        notices.append(f"stamps of message {base.message} go back in time: sorted")
+    columns, told = [], {base.message}
+    for track, name in zip(tracks, names):
+        if track in wanted and track.message not in told:
+            told.add(track.message)
+            notices.append(f"message {track.message} ({len(track.t_ns)} frames) is interpolated to the instants of {base.message} ({len(base.t_ns)} frames)")
+        columns.append(RawColumn(name, track.unit, _loader(track, base, t_ns)))
+    return RawTable(str(path), digest, columns, len(t_ns), t_ns, notices)
+
+
+def _track_names(tracks: list[Track]) -> list[str]:
+    """A name that several messages use is told apart by its message."""
+    plain = [t.name for t in tracks]
+    return [f"{t.message}.{t.name}" if plain.count(t.name) > 1 else t.name for t in tracks]
+
+
+def _wanted(name: str, track: Track, maps: dict[str, Source], names: list[str]) -> bool:
+    if name in _core.SIGNALS or signal_of(name, track.unit):
+        return True
+    for source in maps.values():
+        try:
+            if source.resolve(names)[0] == name:
+                return True
+        except UsageError:
+            continue
+    return False
+
+
+def _loader(track: Track, base: Track, t_ns: np.ndarray):
+    def load() -> np.ndarray:
+        if len(track.t_ns) == len(t_ns) and np.array_equal(track.t_ns, t_ns):
+            return track.values
+        return bring(track.t_ns, track.values, t_ns)
+    return load
+
+
+def bring(source_ns: np.ndarray, values: np.ndarray, t_ns: np.ndarray) -> np.ndarray:
+    """Linear between the source's stamps; missing outside them and in silences of more than five periods."""
+    order = np.argsort(source_ns, kind="stable")
+    source_ns, values = source_ns[order], values[order]
+    origin = source_ns[0]
+    out = np.interp((t_ns - origin).astype(np.float64), (source_ns - origin).astype(np.float64), values, left=np.nan, right=np.nan)
+    if len(source_ns) < 2:
+        return out
+    period = float(np.median(np.diff(source_ns)))
+    right = np.clip(np.searchsorted(source_ns, t_ns, side="left"), 1, len(source_ns) - 1)
+    silent = (source_ns[right] - source_ns[right - 1] > _GAP_PERIODS * period) & (t_ns != source_ns[right]) & (t_ns != source_ns[right - 1])
+    out[silent] = np.nan
+    return out

@@ -1,0 +1,34 @@
+# SPDX-License-Identifier: Apache-2.0
+"""MDF4 through asammdf (an extra): every channel brought to the stamps of the longest channel group."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import FileError
+from .dbc import bring
+from .table import RawColumn, RawTable, to_ns
+
+
+def read_mdf(path: Path, digest: str) -> RawTable:
+    try:
+        from asammdf import MDF
+    except ImportError:
+        raise FileError(path, "needs asammdf", mend="pip install 'driveid[mdf]'") from None
+    try:
+        with MDF(path) as file:
+            signals = [s for s in file.iter_channels(skip_master=True) if len(s.samples) and s.samples.ndim == 1 and s.samples.dtype.kind in "iufb"]
+    except Exception as e:  # asammdf raises its own and struct's errors on a damaged file
+        raise FileError(path, f"is not a readable MDF file ({type(e).__name__}: {e})") from None
+    if not signals:
+        raise FileError(path, "holds no numeric channel")
+    stamps = [to_ns(np.asarray(s.timestamps, dtype=np.float64), 1.0) for s in signals]
+    t_ns = max(stamps, key=len)
+
+    def loader(values: np.ndarray, own: np.ndarray):
+        return lambda: values if np.array_equal(own, t_ns) else bring(own, values, t_ns)
+
+    columns = [RawColumn(s.name, s.unit or None, loader(np.asarray(s.samples, dtype=np.float64), own)) for s, own in zip(signals, stamps)]
+    return RawTable(str(path), digest, columns, len(t_ns), t_ns)
