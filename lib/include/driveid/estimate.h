@@ -16,7 +16,9 @@
 extern "C" {
 #endif
 
-/* One trustworthy answer. Written only with DRIVEID_OK. */
+/* One trustworthy answer. With DRIVEID_OK every parameter is valid. With DRIVEID_WEAK_EXCITATION and DRIVEID_RANK it is written too:
+ * use theta[k] only where bit k of valid_mask is set; weak_mask names the parameters that these data cannot give. With any other
+ * status nothing is written. */
 typedef struct driveid_estimate {
     int64_t t_ns;                      /* instant it belongs to */
     int64_t first_ns;                  /* stamp of the first sample behind it */
@@ -48,7 +50,9 @@ typedef struct driveid_estimator_options {
 /* Caller-owned storage for any method; no self-pointers, so a copy is a snapshot. */
 typedef struct driveid_estimator driveid_estimator;
 
-/* Bytes and alignment needed for (method, type); 0 where that pair does not exist. */
+#define DRIVEID_ESTIMATOR_BYTES 180000 /* enough for any method and type: union { double align; unsigned char bytes[...]; } */
+
+/* Bytes needed for (method, type); 0 where that pair does not exist. */
 size_t driveid_estimator_size(const char *method, driveid_real type);
 
 /* method: "fsm" (others as they come). DRIVEID_ERR_CONFIG with a sentence in reason[reason_size] where it is refused. */
@@ -58,6 +62,7 @@ driveid_status driveid_estimator_configure(driveid_estimator *self, size_t size,
 
 /* channel[regression.channels], SI. */
 driveid_status driveid_estimator_update(driveid_estimator *self, int64_t t_ns, const double *channel);
+/* Costs a copy: update keeps the answer current (every 20 ms, or every 3/bandwidth where that is longer). */
 driveid_status driveid_estimator_estimate(const driveid_estimator *self, driveid_estimate *out);
 void driveid_estimator_restart(driveid_estimator *self);
 

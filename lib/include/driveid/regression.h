@@ -18,7 +18,7 @@
 #define DRIVEID_CHANNELS_MAX 12
 #define DRIVEID_TERMS_MAX 24
 #define DRIVEID_THETA_MAX 13
-#define DRIVEID_EQUATIONS_MAX 2
+#define DRIVEID_EQUATIONS_MAX 3
 #define DRIVEID_ORDER_MAX 6
 #define DRIVEID_TERM_KNOWN (-1)
 
@@ -32,6 +32,7 @@ typedef struct driveid_term {
 
 typedef struct driveid_regression {
     uint8_t equations, channels, terms, params;
+    uint16_t may_be_zero;               /* bit k: theta[k] = 0 is a sound answer (a friction), so a wide relative interval is not weak */
     uint8_t hold[DRIVEID_CHANNELS_MAX]; /* driveid_hold of each channel */
     driveid_term term[DRIVEID_TERMS_MAX];
 } driveid_regression;

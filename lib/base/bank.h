@@ -1,0 +1,28 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The time-invariant filter bank under estimate: the same low-pass over every channel, and its derivatives.
+ *
+ * Method: a cascade of N equal sections  v_j' = lambda (v_{j-1} - v_j),  v_0 = channel,  unit gain at rest, so that
+ *   s^i / (s/lambda + 1)^N  channel = lambda^i sum_m C(i,m) (-1)^(i-m) v_{N-m}            (Newton combination)
+ * with i < N. One step of length h is the exact lower-triangular Toeplitz matrix  e^-x x^k / k!,  x = lambda h; the exact
+ * first-order hold is  b1_j = sum_{m>j} g_m / x,  g_m = sum_{k>=m} e^-x x^k / k!  (Poisson tails: sums of positive numbers only,
+ * nothing cancels). States are kept relative to the last input, so an angle of 10^5 rad costs no digit, also in f32.
+ * e^-x is computed once per nominal step and carried to nearby steps by its series: jitter costs no exp().
+ *
+ * Start: the channel is taken as zero (level) or as constant (derivatives only) before the first sample; what the drive
+ * did before lies in span{ s^i / D }, i < n, which driveid_bank_impulse() gives as regressors [EQ FSM-3].
+ * Cost a step: channels * N(N+1)/2 multiply-adds; coefficients for a new dt: about 4 N + 20. */
+#ifndef DRIVEID_BASE_BANK_H
+#define DRIVEID_BASE_BANK_H
+
+#include <stdint.h>
+
+#include <driveid/regression.h>
+
+#define DRIVEID_SECTIONS_MAX (DRIVEID_ORDER_MAX + 2)
+
+#include "real_f64.h"
+#include "bank_decl.inc"
+#include "real_f32.h"
+#include "bank_decl.inc"
+
+#endif

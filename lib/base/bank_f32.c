@@ -1,0 +1,5 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "bank.h"
+
+#include "real_f32.h"
+#include "bank.inc"

@@ -1,0 +1,17 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Small dense symmetric solve that returns its rank. Always in f64: it runs at the rate of answers, not of samples. */
+#ifndef DRIVEID_BASE_SOLVE_H
+#define DRIVEID_BASE_SOLVE_H
+
+#define DRIVEID_SOLVE_MAX 24
+
+/* Pseudo-inverse on the numerical range of a positive semi-definite matrix, by diagonally pivoted Cholesky of the matrix
+ * scaled to unit diagonal.
+ *   a       n x n row-major, symmetric; read only
+ *   small   pivots below it count as zero (of 1): 1e-12 for f64 data, 1e-6 for sums kept in f32
+ *   inverse n x n; rows and columns of dropped variables are zero
+ *   pivot   n: what is left of each variable's unit diagonal when all others are taken out, 0 where dropped
+ * Returns the rank. Cost: n^3 multiply-adds. Accuracy: tests/unit/solve_test.cpp. */
+int driveid_solve_inverse(const double *a, int n, double small, double *inverse, double *pivot);
+
+#endif

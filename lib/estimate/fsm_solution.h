@@ -1,0 +1,38 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Solving the sums of one stage: least squares over all equations, long-run covariance, validity. In f64. */
+#ifndef DRIVEID_ESTIMATE_FSM_SOLUTION_H
+#define DRIVEID_ESTIMATE_FSM_SOLUTION_H
+
+#include "fsm_state.h"
+
+#define FSM_SMALL(real) (sizeof(real) == 4 ? 3e-6 : 1e-11)
+#define FSM_PACKED (DRIVEID_THETA_MAX + 1)
+
+/* Sums without initial conditions, (params + 1) square, the last row and column is y. */
+typedef struct fsm_sums {
+    double weight[DRIVEID_EQUATIONS_MAX], weight2[DRIVEID_EQUATIONS_MAX], rows[DRIVEID_EQUATIONS_MAX];
+    unsigned coarse[DRIVEID_EQUATIONS_MAX];
+    double s[DRIVEID_EQUATIONS_MAX][FSM_PACKED * FSM_PACKED];
+    double g[DRIVEID_EQUATIONS_MAX][FSM_LAGS][FSM_PACKED * FSM_PACKED];
+} fsm_sums;
+
+typedef struct fsm_solution {
+    double theta[DRIVEID_THETA_MAX], cov[DRIVEID_THETA_MAX * DRIVEID_THETA_MAX];
+    double share[DRIVEID_THETA_MAX];   /* rms of the parameter's column over rms of y or of its equation */
+    double pivot[DRIVEID_THETA_MAX];   /* what no other column explains, of 1; 0: cannot be told apart */
+    double residual_rms, rows, freedom, condition, score;
+    int rank;
+} fsm_solution;
+
+/* solved[order x columns]: initial-condition columns as combinations of the others, by least squares. */
+void fsm_solve_initial(const fsm_equation *equation, const double *s, double small, double *solved);
+void fsm_eliminate_initial(const fsm_equation *equation, const double *solved, double *sums);
+void fsm_pack(const fsm_equation *equation, const double *full, double *packed);
+
+/* 1 where there is a solution, 0 where there are too few rows. */
+int fsm_solve(const driveid_fsm_common *common, const fsm_sums *sums, double small, fsm_solution *out);
+
+/* Verdict and answer from the best stage (found < 0: none). */
+void fsm_publish(driveid_fsm_common *common, int found, const fsm_solution *best, int64_t t_ns);
+
+#endif

@@ -1,0 +1,47 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Frequency shifting, economical form: how one estimator is laid out.
+ *
+ *   samples -> bank (every sample) -> row of each equation (every 0.5/bandwidth) -> prefilters -> weighted sums -> answer
+ *
+ * A row is the filtered equation  y = phi theta + z c : phi the unknown terms, y the known ones, z the answers s^i/D to the
+ * unknown initial conditions c [EQ FSM-3]. Any further causal filter of the rows keeps it exact, so a few prefilters
+ * (stages, from the bank's bandwidth downwards) run side by side, and the answer comes from the one whose interval is
+ * smallest: that is the one that fits the noise. Besides the sums S of products of the columns, lagged sums are kept: from them
+ * follow, at any theta, the residual's autocorrelation and the long-run covariance of the score, hence honest intervals. */
+#ifndef DRIVEID_ESTIMATE_FSM_STATE_H
+#define DRIVEID_ESTIMATE_FSM_STATE_H
+
+#include <driveid/estimate.h>
+
+#include "base/bank.h"
+
+#define FSM_STAGES 4
+#define FSM_STAGE_RATIO 5.0
+#define FSM_LAGS 16          /* lag 0 .. 15 of coarse rows */
+#define FSM_COLUMNS_MAX (DRIVEID_THETA_MAX + DRIVEID_ORDER_MAX + 1)
+#define FSM_POOL 20480       /* numbers; configure refuses what does not fit */
+
+typedef struct fsm_equation {
+    uint8_t params, order, columns;          /* columns = params + order + 1, the last one is y */
+    int8_t param[DRIVEID_THETA_MAX];         /* theta index of each column */
+} fsm_equation;
+
+typedef struct driveid_fsm_common {
+    driveid_regression regression;
+    driveid_estimator_options options;       /* resolved: nothing zero */
+    fsm_equation equation[DRIVEID_EQUATIONS_MAX];
+    uint8_t stages, sections;
+    uint8_t running;                         /* filters are started */
+    int8_t chosen;                           /* stage of the last answer, -1: none */
+    int64_t first_ns, segment_ns, last_ns, row_ns, last_row_ns, solve_ns, last_solve_ns, gap_ns;
+    uint32_t samples;
+    driveid_status status;                   /* of answer */
+    driveid_estimate answer;
+} driveid_fsm_common;
+
+#include "base/real_f64.h"
+#include "fsm_decl.inc"
+#include "base/real_f32.h"
+#include "fsm_decl.inc"
+
+#endif
