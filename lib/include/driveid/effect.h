@@ -110,6 +110,7 @@ typedef struct driveid_effect_state {
     double drive;      /* driving channel: A, V, N m or N */
     double gain;       /* torque per unit of drive (K_t); 1 per ampere, per volt, or where torque is measured */
     double torque;     /* driving torque = gain * drive */
+    double voltage_V;
     double current_A;  /* winding current (electrical equation) */
     double resistance_ohm;
     double T_degC;     /* used where has_temperature */

@@ -8,6 +8,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include <driveid/effect.h>
 #include <driveid/estimate.h>
 #include <driveid/regression.h>
 #include <driveid/sample.h>
@@ -70,6 +71,27 @@ driveid_status driveid_model_init(driveid_model *model, driveid_structure struct
 /* Set a parameter as given; names that only exist as given ("K_t_Nm_A", "K_F_N_A", "pole_pairs") are accepted.
  * DRIVEID_ERR_ARGUMENT where the structure has no such parameter. */
 driveid_status driveid_model_give(driveid_model *model, const char *name, double value);
+
+/* Parameter of the structure by name; NULL where it has none. */
+const driveid_param *driveid_model_param(const driveid_model *model, const char *name);
+
+/* What the mechanical parameters are measured in (effect.h). The names say it: "J_kgm2", "J_As2_rad" (per ampere, K_t not given),
+ * "J_Vs2_rad" (dc_drive without current). A new model is in N m or N; fit moves it to the frame that the record and what is given allow. */
+driveid_frame driveid_model_frame(const driveid_model *model);
+
+/* Rename the mechanical parameters, those of effects too, to a frame. DRIVEID_ERR_CONFIG, and nothing changed, where a given
+ * value stands in another frame (its number would be wrong there); reason names it. */
+driveid_status driveid_model_set_frame(driveid_model *model, driveid_frame frame, char *reason, size_t reason_size);
+
+/* Torque or force per unit of the driving channel: K_t or K_F where given, 3/2 pole_pairs psi_pm of a pmsm_drive, else 1. */
+double driveid_model_gain(const driveid_model *model);
+
+/* Unit of the driving channel for names of effects: 'A', 'V', or 'N' where torque or force is measured. */
+char driveid_model_drive_unit(const driveid_model *model);
+
+/* One effect more, parameters UNSET, named in the model's frame. formula and adds_to: NULL for effects of the catalogue.
+ * DRIVEID_ERR_ARGUMENT: unknown effect, or one that the structure cannot have; _CAPACITY: no room; _FORMAT: the formula. reason says which and the mend. */
+driveid_status driveid_model_add(driveid_model *model, const char *effect, const char *formula, const char *adds_to, char *reason, size_t reason_size);
 
 /* On-line form -------------------------------------------------------------------------------------------------- */
 

@@ -40,6 +40,9 @@ driveid_status driveid_model_read(const char *text, driveid_model *model, char *
 /* history: TOML text of the [[history]] entries to keep, or NULL. Returned text is freed with driveid_text_free(). */
 driveid_status driveid_model_write(const driveid_model *model, const char *history, char **text);
 
+/* The [[history]] entries of a model file as TOML text, for driveid_model_write(); "" where there are none. Freed with driveid_text_free(). */
+driveid_status driveid_model_history(const char *text, char **history, char *message, size_t message_size);
+
 void driveid_text_free(char *text);
 
 #ifdef __cplusplus
