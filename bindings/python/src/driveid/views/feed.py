@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Connection to the control socket that heals itself, for screens that run in an event loop."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+from collections.abc import Callable
+
+from .gateway import Gateway
+
+LINE_LIMIT = 1 << 16
+RETRY_S = 1.0
+SILENCE_S = 5.0  # status comes once a second
+
+
+class NotConnected(Exception):
+    """The gateway is away, or it refused the request; the text says what to do."""
+
+
+class Feed:
+    """Keeps a Gateway fed. ``changed`` is called after each batch of messages and when the connection comes or goes."""
+
+    def __init__(self, path: str, gateway: Gateway, topics: tuple[str, ...] = ("estimate", "event", "status"), changed: Callable[[], None] = lambda: None) -> None:
+        self.path, self.gateway, self.topics, self.changed = path, gateway, topics, changed
+        gateway.address = path
+        self._writer: asyncio.StreamWriter | None = None
+        self._waiting: dict[int, asyncio.Future] = {}
+        self._id = 0
+
+    async def run(self) -> None:
+        """Connect, listen, and begin again for ever; ends when cancelled."""
+        while True:
+            try:
+                await self._session()
+                self._away("the gateway closed the connection")
+            except (OSError, TimeoutError, ValueError, NotConnected) as error:
+                self._away(self._reason(error))
+            await asyncio.sleep(RETRY_S)
+
+    def _reason(self, error: Exception) -> str:
+        if isinstance(error, FileNotFoundError):
+            return f"no gateway at {self.path}: start driveidd, or give --socket"
+        if isinstance(error, ConnectionRefusedError):
+            return f"nobody listens at {self.path}: driveidd has ended"
+        if isinstance(error, PermissionError):
+            return f"no permission for {self.path}: join the group of the socket"
+        if isinstance(error, TimeoutError):
+            return f"the gateway at {self.path} has been silent for {SILENCE_S:g} s"
+        return str(error) or type(error).__name__
+
+    def _away(self, reason: str) -> None:
+        for future in self._waiting.values():
+            if not future.done():
+                future.set_exception(NotConnected(reason))
+        self._waiting.clear()
+        self._writer = None
+        self.gateway.set_connected(False, reason)
+        self.changed()
+
+    async def _session(self) -> None:
+        reader, self._writer = await asyncio.open_unix_connection(self.path, limit=LINE_LIMIT * 4)
+        listening = asyncio.create_task(self._listen(reader))
+        try:
+            self.gateway.take(await self.request("hello"))
+            self.gateway.take(await self.request("status"))
+            await self.request("subscribe", topics=list(self.topics))
+            self.gateway.set_connected(True)
+            self.changed()
+            await listening
+        finally:
+            listening.cancel()
+            with contextlib.suppress(asyncio.CancelledError, OSError, TimeoutError, ValueError):
+                await listening
+            if self._writer:
+                self._writer.close()
+
+    async def _listen(self, reader: asyncio.StreamReader) -> None:
+        rest = b""
+        while True:
+            data = await asyncio.wait_for(reader.read(1 << 18), SILENCE_S)
+            if not data:
+                return
+            lines = (rest + data).split(b"\n")
+            rest = lines.pop()
+            if len(rest) > LINE_LIMIT * 4:
+                raise ValueError("the gateway sent a line that is too long")
+            for line in lines:
+                if line:
+                    self._take(json.loads(line))
+            self.changed()
+
+    def _take(self, message: dict) -> None:
+        future = self._waiting.pop(message.get("id"), None) if "event" not in message else None
+        if future and not future.done():
+            future.set_result(message)
+        elif "event" in message:
+            self.gateway.take(message)
+
+    async def request(self, cmd: str, **arguments: object) -> dict:
+        """Send one request and wait for its answer; NotConnected says why there is none."""
+        if self._writer is None:
+            raise NotConnected(self.gateway.trouble or "the gateway is not connected")
+        self._id += 1
+        future = asyncio.get_running_loop().create_future()
+        self._waiting[self._id] = future
+        message = {"driveid": 1, "id": self._id, "cmd": cmd, **arguments}
+        self._writer.write(json.dumps(message).encode() + b"\n")
+        try:
+            await self._writer.drain()
+            answer = await asyncio.wait_for(future, SILENCE_S)
+        except (OSError, TimeoutError) as error:
+            raise NotConnected(self._reason(error)) from error
+        if not answer.get("ok"):
+            raise NotConnected(answer.get("message") or answer.get("error") or f"the gateway refused {cmd}")
+        return answer
+
+    async def record(self, name: str = "") -> str:
+        """Start recording (with a name) or stop it; returns words for people."""
+        if self.gateway.recording and not name:
+            answer = await self.request("record_stop")
+            self.gateway.recording = ""
+            return f"{answer.get('entries', '?')} entries in {answer.get('file', '')}"
+        answer = await self.request("record_start", file=name)
+        self.gateway.recording = str(answer.get("file", name))
+        return f"recording into {self.gateway.recording}"
+
+    async def mark(self, text: str) -> None:
+        await self.request("mark", text=text)
+        self.gateway.note("info", "mark", text)
