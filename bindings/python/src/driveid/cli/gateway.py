@@ -1,0 +1,3 @@
+# SPDX-License-Identifier: Apache-2.0
+"""driveid record | replay | status | watch | ports."""
+COMMANDS = []

@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: Apache-2.0
+"""driveid model new | show, add, catalogue."""
+
+from __future__ import annotations
+
+import click
+from rich.table import Table
+
+from .. import _core, analysis
+from ..errors import UsageError
+from ..model import Model
+from ..views import units as show_units
+from .common import DriveidCommand, invoke_guard, say, stdout_console, write_document, write_model
+
+
+@click.group()
+def model() -> None:
+    """Make a model file, or show one."""
+
+
+@model.command("new", cls=DriveidCommand, spread={"--given": -1})
+@click.argument("structure")
+@click.option("--given", multiple=True, metavar="NAME=VALUE", help="A parameter that you know; fit never changes it.")
+@click.option("-o", "--output", metavar="FILE", default="-", show_default=True, help="Model file to write; - is standard output.")
+@invoke_guard
+def model_new(structure: str, given: tuple[str, ...], output: str) -> None:
+    """The known physics of STRUCTURE as a model file."""
+    values: dict[str, float] = {}
+    for text in given:
+        name, equals, value = text.partition("=")
+        try:
+            values[name.strip()] = float(value)
+        except ValueError:
+            raise UsageError(f"--given {text}: write NAME=NUMBER, e.g. --given K_t_Nm_A=0.05") from None
+        if not equals:
+            raise UsageError(f"--given {text}: write NAME=NUMBER, e.g. --given K_t_Nm_A=0.05")
+    write_model(output, Model.new(structure, values).toml)
+    if output != "-":
+        say(f"wrote {output}: {structure}")
+
+
+@model.command("show")
+@click.argument("file", metavar="MODEL")
+@invoke_guard
+def model_show(file: str) -> None:
+    """Structure, parameters and effects of a model file."""
+    shown = Model.load(file)
+    console = stdout_console()
+    console.print(f"[bold]{shown.structure}[/bold]  ({file})")
+    console.print(parameter_table([(None, shown.parameters)] + [(e.name, e.parameters) for e in shown.effects]))
+    for effect in shown.effects:
+        if effect.formula:
+            console.print(f"{effect.name}: {effect.adds_to} = {effect.formula}")
+
+
+def parameter_table(groups) -> Table:
+    table = Table(box=None, pad_edge=False, show_edge=False)
+    for title in ("parameter", "value", "state", "effect"):
+        table.add_column(title, justify="left")
+    for effect, parameters in groups:
+        for p in parameters.values():
+            lo, hi = p.interval or (None, None)
+            value = show_units.number(p.value, p.unit) if p.state == "given" else show_units.estimate(p.value, lo, hi, p.unit)
+            table.add_row(p.name, value if p.value is not None else "not fitted yet", p.state, effect or "")
+    return table
+
+
+@click.command()
+@click.argument("file", metavar="MODEL")
+@click.argument("effect")
+@click.option("-o", "--output", metavar="FILE", default="-", show_default=True, help="Model file to write; - is standard output.")
+@invoke_guard
+def add(file: str, effect: str, output: str) -> None:
+    """Add EFFECT to MODEL; then fit and compare again."""
+    write_model(output, Model.load(file).add(effect).toml)
+    if output != "-":
+        say(f"wrote {output}: {effect} added, its parameters are found by the next fit")
+
+
+@click.command()
+@click.argument("effect", required=False)
+@click.option("--json", "json_file", metavar="FILE", help="Write the catalogue as JSON; - is standard output.")
+@invoke_guard
+def catalogue(effect: str | None, json_file: str | None) -> None:
+    """The effects that explain knows, or one of them in full."""
+    effects = analysis.catalogue()
+    if json_file:
+        write_document(json_file, {"format": _core.format, "driveid": _core.version, "effects": effects})
+        return
+    console = stdout_console()
+    if effect is None:
+        table = Table(box=None, pad_edge=False)
+        table.add_column("effect")
+        table.add_column("equation")
+        for e in effects:
+            table.add_row(e["name"], str(e.get("equation", "")))
+        console.print(table)
+        return
+    names = [e["name"] for e in effects]
+    if effect not in names:
+        from ..errors import close_names
+        raise UsageError(f"no effect {effect!r}. {close_names(effect, names)}")
+    for key, value in effects[names.index(effect)].items():
+        console.print(f"[bold]{key}[/bold]: {_words(value)}")
+
+
+def _words(value) -> str:
+    if isinstance(value, list):
+        return "; ".join(_words(v) for v in value) or "none"
+    if isinstance(value, dict):
+        return ", ".join(f"{k} {_words(v)}" for k, v in value.items() if v not in (None, ""))
+    return str(value)
+
+
+COMMANDS = [model, add, catalogue]

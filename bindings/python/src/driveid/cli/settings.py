@@ -1,0 +1,3 @@
+# SPDX-License-Identifier: Apache-2.0
+"""driveid config new | check | import-dbc."""
+COMMANDS = []
