@@ -1,0 +1,75 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "discrete_common.h"
+
+#include <math.h>
+#include <stddef.h>
+
+int driveid_discrete_columns(const driveid_discrete_config *config) { return config->order + config->kept + 1; }
+
+int driveid_discrete_rows(const driveid_discrete_config *config) { return driveid_discrete_columns(config) + config->extra; }
+
+const char *driveid_discrete_refusal(const driveid_discrete_config *c, int is_f32) {
+    if (c->order < 1 || c->order > DRIVEID_DISCRETE_ORDER_MAX) return "order must be 1 .. 8";
+    if (c->zeros >= c->order) return "zeros must be below order";
+    if (c->kept > c->zeros) return "kept must not exceed zeros";
+    if (c->skipped < 1 || c->skipped > 20 || c->extra > 20) return "skipped must be 1 .. 20 and extra 0 .. 20";
+    if (driveid_discrete_rows(c) > DRIVEID_DISCRETE_ROWS_MAX) return "too many rows: lower extra";
+    if (c->block < 4u * c->order + c->skipped || c->block > 100000u) return "block must be 4 order + skipped .. 100000 samples";
+    if (!(c->T_s > 0)) return "T_s must be positive";
+    if (!(c->gamma > 0 && c->gamma <= 1)) return "gamma must be above 0 and at most 1";
+    if (c->domain == DRIVEID_DISCRETE_Q && c->gamma != 1) return "the q domain needs gamma = 1: its differences act on polynomial weights";
+    if (c->domain == DRIVEID_DISCRETE_Q && c->skipped < c->order + 1) return "the q domain needs skipped >= order + 1: the weights must vanish at the end of the block";
+    if (is_f32 && c->domain == DRIVEID_DISCRETE_Z && c->order > 2) return "z domain above order 2 is beyond f32: take domain q, or f64";
+    return NULL;
+}
+
+driveid_status driveid_discrete_solve(double row[][DRIVEID_DISCRETE_COLUMNS_MAX + 1], int rows, int columns, double small, double *theta, double *residual) {
+    double length[DRIVEID_DISCRETE_COLUMNS_MAX], x[DRIVEID_DISCRETE_COLUMNS_MAX];
+    for (int r = 0; r < rows; r++) {
+        double largest = 0;
+        for (int c = 0; c < columns; c++) largest = fmax(largest, fabs(row[r][c]));
+        if (!(largest > 0) || !isfinite(largest)) return DRIVEID_RANK;
+        for (int c = 0; c <= columns; c++) row[r][c] /= largest;
+    }
+    for (int c = 0; c < columns; c++) {
+        length[c] = 0;
+        for (int r = 0; r < rows; r++) length[c] += row[r][c] * row[r][c];
+        length[c] = sqrt(length[c]);
+        if (!(length[c] > 0)) return DRIVEID_RANK;
+        for (int r = 0; r < rows; r++) row[r][c] /= length[c];
+    }
+    for (int c = 0; c < columns; c++) { /* Householder */
+        double norm = 0;
+        for (int r = c; r < rows; r++) norm += row[r][c] * row[r][c];
+        norm = sqrt(norm);
+        if (norm < small) return DRIVEID_RANK;
+        const double alpha = row[c][c] > 0 ? -norm : norm;
+        row[c][c] -= alpha;
+        double square = 0;
+        for (int r = c; r < rows; r++) square += row[r][c] * row[r][c];
+        for (int k = c + 1; k <= columns; k++) {
+            double dot = 0;
+            for (int r = c; r < rows; r++) dot += row[r][c] * row[r][k];
+            for (int r = c; r < rows; r++) row[r][k] -= 2 * dot / square * row[r][c];
+        }
+        x[c] = alpha; /* diagonal of R; the reflector's column is not needed again */
+    }
+    double rest = 0;
+    for (int r = columns; r < rows; r++) rest += row[r][columns] * row[r][columns];
+    for (int c = columns; c-- > 0;) {
+        double value = row[c][columns];
+        for (int k = c + 1; k < columns; k++) value -= row[c][k] * x[k];
+        x[c] = value / x[c];
+    }
+    for (int c = 0; c < columns; c++) theta[c] = x[c] / length[c];
+    *residual = sqrt(rest / rows);
+    return DRIVEID_OK;
+}
+
+double driveid_discrete_quantile(unsigned freedom) {
+    static const double table[] = {12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228};
+    if (freedom == 0) return INFINITY;
+    if (freedom <= 10) return table[freedom - 1];
+    const double z = 1.959964, n = (double)freedom; /* Cornish-Fisher, below 1e-3 from 11 on */
+    return z + (z * z * z + z) / (4 * n) + (5 * pow(z, 5) + 16 * z * z * z + 3 * z) / (96 * n * n);
+}
