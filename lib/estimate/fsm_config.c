@@ -57,8 +57,8 @@ static void split(driveid_fsm_common *common, uint8_t *level) {
     common->sections = (uint8_t)(highest + 2);
 }
 
-static void resolve(driveid_estimator_options *o) {
-    if (o->bandwidth_rad_s == 0) o->bandwidth_rad_s = fmin(60, 0.25 / o->dt_s);
+static void resolve(driveid_estimator_options *o, double suggested_rad_s) {
+    if (o->bandwidth_rad_s == 0) o->bandwidth_rad_s = fmin(suggested_rad_s > 0 ? suggested_rad_s : 60, 0.25 / o->dt_s);
     if (o->forgetting_s == 0) o->forgetting_s = 10;
     if (o->gap_s == 0) o->gap_s = 5 * o->dt_s;
 }
@@ -72,7 +72,7 @@ driveid_status fsm_configure_common(driveid_fsm_common *common, const driveid_re
         return refuse(reason, reason_size, "bandwidth_rad_s, forgetting_s and gap_s must not be negative");
     common->regression = *regression;
     common->options = *options;
-    resolve(&common->options);
+    resolve(&common->options, regression->bandwidth_rad_s);
     const driveid_estimator_options *o = &common->options;
     if (o->bandwidth_rad_s * o->dt_s > 1) return refuse(reason, reason_size, "bandwidth_rad_s is above 1/dt_s: take a lower one or sample faster");
     split(common, level);

@@ -95,23 +95,48 @@ driveid_status driveid_model_add(driveid_model *model, const char *effect, const
 
 /* On-line form -------------------------------------------------------------------------------------------------- */
 
-/* A model made ready for an on-line estimator: the regression, how to fill its channels, and how to come back. */
+#define DRIVEID_ONLINE_DELAY 4        /* samples between a reading and its use where speed comes from the angle */
+#define DRIVEID_ONLINE_RING (2 * DRIVEID_ONLINE_DELAY + 1)
+
+/* Private: what fills a channel of the regression. */
+typedef struct driveid_online_channel {
+    uint8_t kind;                     /* signal, product of two, speed times signal, one, sign of speed */
+    uint8_t a, b;                     /* driveid_signal */
+} driveid_online_channel;
+
+/* A model made ready for an on-line estimator: the regression, how to fill its channels, and how to come back.
+ * rigid_axis, linear_axis, dc_circuit, dc_drive, pmsm_drive and lti, with the effects coulomb and constant_load; parameters that the
+ * model has as given are used, the others are estimated. Plain data: a copy is a snapshot. */
 typedef struct driveid_online {
     driveid_model model;
     driveid_regression regression;
     uint32_t present;                                    /* signals that the samples must carry (driveid_signal bits) */
     uint32_t physical;                                   /* number of physical parameters it can give */
     char physical_name[DRIVEID_THETA_MAX][DRIVEID_NAME_SIZE];
+    char physical_unit[DRIVEID_THETA_MAX][16];
     char missing[256];                                   /* parameters that cannot be had from these signals, and what to record; "" if none */
-    double state[8];                                     /* small memory of the channel filler (last speed sign, last theta) */
-    uint8_t recipe;                                      /* private: which filler */
+    int64_t t_ns;                                        /* stamp that belongs to the channels just filled: pass it to update */
+    /* private */
+    driveid_online_channel filler[DRIVEID_CHANNELS_MAX];
+    uint8_t uses_speed, motion, delayed, rest_matters, ring_fill; /* motion: the signal that speed comes from */
+    driveid_sample ring[DRIVEID_ONLINE_RING];            /* newest first */
+    double speed, last_speed, noise;
 } driveid_online;
 
 /* signals: bits of the driveid_signal that will be present. DRIVEID_ERR_CONFIG where nothing can be identified (reason says why). */
 driveid_status driveid_online_init(driveid_online *online, const driveid_model *model, uint32_t signals,
                                    char *reason, size_t reason_size);
 
-/* Fill channel[regression.channels] from a sample. DRIVEID_NOT_YET where a needed signal is absent. */
+/* How a signal behaves between stamps (default: DRIVEID_HOLD_FIRST), before the estimator is configured.
+ * DRIVEID_ERR_ARGUMENT where the regression does not use the signal. */
+driveid_status driveid_online_hold(driveid_online *online, driveid_signal signal, driveid_hold hold);
+
+/* Fill channel[regression.channels] from a sample and set online->t_ns, the stamp that belongs to them.
+ *   DRIVEID_OK       give channel and online->t_ns to driveid_estimator_update()
+ *   DRIVEID_NOT_YET  a needed signal is absent, or the speed filter (2 DRIVEID_ONLINE_DELAY samples) is not full yet
+ *   DRIVEID_FROZEN   the drive rests and the model has Coulomb friction, which is undetermined at rest: do not update; the silence
+ *                    that the estimator then sees restarts its filters and keeps what it learnt
+ *   DRIVEID_ERR_VALUE, DRIVEID_ERR_TIME  the sample was ignored */
 driveid_status driveid_online_channels(driveid_online *online, const driveid_sample *sample, double *channel);
 
 /* theta -> physical parameters with propagated 95 % intervals (delta method on the covariance). out[physical]. */

@@ -38,7 +38,7 @@ typedef enum driveid_signal {
 
 /* How a channel behaves between two stamps: it decides the exact hold of the filter bank. */
 typedef enum driveid_hold {
-    DRIVEID_HOLD_FIRST = 0, /* smooth between stamps (an encoder, a measured current): linear */
+    DRIVEID_HOLD_FIRST = 0, /* smooth between stamps (an encoder, a measured current): a parabola through the last three */
     DRIVEID_HOLD_ZERO = 1,  /* constant from its stamp to the next (a drive's command) */
     DRIVEID_HOLD_AVERAGE = 2 /* mean over the interval that ends at the stamp */
 } driveid_hold;
