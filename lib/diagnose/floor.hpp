@@ -15,10 +15,36 @@ struct Family {
   Eigen::MatrixXd column;                // raw rows
 };
 
+// Sums of products of whitened columns, block by block, from which any subset is cross-validated at no further cost.
+class BlockGram {
+ public:
+  BlockGram(const Equation &equation, const Eigen::MatrixXd &whitened, const Eigen::VectorXd &whitened_y);
+  struct Score {
+    std::vector<double> sse, rows;     // by block, each predicted from all the others
+    double total = 0, held = 0;        // over all blocks; over the held-out blocks, predicted from the training blocks alone
+    double held_rows = 0;
+  };
+  // ridge: relative to the mean square of each column
+  Score cross_validate(const std::vector<int> &columns, const std::vector<double> &ridge) const;
+  Eigen::VectorXd solve(const std::vector<int> &columns, const std::vector<double> &ridge, bool training_only) const;
+
+ private:
+  Eigen::VectorXd solve_without(const std::vector<int> &columns, const std::vector<double> &ridge, int without, bool training_only) const;
+  double block_sse(int block, const std::vector<int> &columns, const Eigen::VectorXd &p) const;
+  std::vector<Eigen::MatrixXd> gram_;
+  std::vector<Eigen::VectorXd> xy_;
+  std::vector<double> yy_, rows_;
+  std::vector<unsigned char> held_;
+  Eigen::MatrixXd all_, training_;
+  Eigen::VectorXd all_xy_, training_xy_;
+};
+
 struct Floor {
   double lo = 0, hi = 0;                 // RMS, unit of the equation, on raw rows of the held-out part (or all)
   Eigen::VectorXd flexible;              // cross-validated prediction of what the base leaves, raw rows
-  double removable = 0;                  // whitened: share of the nominal squared error that the flexible regression removes on unseen blocks
+  double nominal_sse = 0, flexible_sse = 0;       // whitened, cross-validated, all blocks
+  std::vector<double> nominal_block, flexible_block;
+  double rows = 0;                       // whitened rows that count
 };
 
 std::vector<Family> make_families(const Equation &equation);

@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+// A candidate: one catalogue effect in one equation, with the grid of its shape parameters, and what it does to the equation.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "diagnose/equation.hpp"
+
+namespace driveid::diagnose {
+
+struct ShapeAxis {
+  double lo = 0, hi = 1;
+  bool logarithmic = false, whole = false;
+  std::vector<double> grid;
+};
+
+struct Candidate {
+  const driveid_effect_info *info = nullptr;   // NULL for an own effect
+  std::string name;
+  std::string formula;                         // own effects
+  std::vector<ShapeAxis> axis;
+  int columns = 1;
+  double trials = 1;                           // independent places that the search visits (orders, instants)
+};
+
+// What a candidate adds at given shapes: free columns, and a part that is known once the shapes are (taken off the target).
+struct Term {
+  Eigen::MatrixXd column;
+  Eigen::VectorXd taken;                       // empty: nothing
+};
+
+// Nominal values that some terms need (inertia and damping for the false acceleration of an eccentric encoder).
+struct Nominal {
+  double inertia = 0, damping = 0;
+};
+
+std::vector<Candidate> make_candidates(const Equation &equation);
+Candidate own_candidate(const driveid_effect_use &use, std::string &error);
+Term realise(const Equation &equation, const Candidate &candidate, const std::vector<double> &shape, const Nominal &nominal);
+
+// Published parameters from shapes and linear coefficients; base = coefficients of the nominal columns in the same solution.
+std::vector<double> publish(const Equation &equation, const Candidate &candidate, const std::vector<double> &shape, const Eigen::VectorXd &linear);
+bool lawful(const Equation &equation, const Candidate &candidate, const std::vector<double> &shape, const Eigen::VectorXd &linear, double inertia);
+std::vector<double> shape_of(const Equation &equation, const Candidate &candidate, const std::vector<double> &published, double inertia);
+bool subsumes(const Candidate &a, const Candidate &b);
+
+// A smaller equation made of stretches of a large one, for searches.
+Equation thinned(const Equation &equation, std::size_t rows);
+
+}  // namespace driveid::diagnose

@@ -1,0 +1,253 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "diagnose/explain_core.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+
+namespace driveid::diagnose {
+namespace {
+
+constexpr double kWorthMin = 12;        // log-likelihood beyond cost that an effect must bring
+constexpr double kRelativeMin = 0.002;  // and the share of the squared error
+constexpr double kBlocksT = 2.0;        // and over blocks
+
+bool acceptable(const Option &o) {
+  return o.possible && o.worth() > kWorthMin && o.relative > kRelativeMin && o.t > kBlocksT && o.held_gain > 0;
+}
+
+int complexity(const Search &s, const Option &o) {
+  const Candidate &c = s.candidates()[std::size_t(o.candidate)];
+  return c.columns + 2 * int(c.axis.size());
+}
+
+// Best by worth; a simpler one within the tolerance of the best is preferred.
+int pick(const Search &s, const std::vector<Option> &options) {
+  int best = -1;
+  for (std::size_t k = 0; k < options.size(); ++k)
+    if (acceptable(options[k]) && (best < 0 || options[k].worth() > options[std::size_t(best)].worth())) best = int(k);
+  if (best < 0) return best;
+  const Option &top = options[std::size_t(best)];
+  double tolerance = std::max(4.0, 0.01 * top.gain);
+  int chosen = best;
+  for (std::size_t k = 0; k < options.size(); ++k) {
+    if (!acceptable(options[k]) || options[k].worth() < top.worth() - tolerance) continue;
+    int a = complexity(s, options[k]), b = complexity(s, options[std::size_t(chosen)]);
+    if (a < b || (a == b && options[k].worth() > options[std::size_t(chosen)].worth())) chosen = int(k);
+  }
+  return chosen;
+}
+
+std::vector<Member> without(const std::vector<Member> &members, std::size_t index) {
+  std::vector<Member> out;
+  for (std::size_t k = 0; k < members.size(); ++k)
+    if (k != index) out.push_back(members[k]);
+  return out;
+}
+
+// Each member is asked again: would the set be as good without it, or better with another in its place?
+bool reexamine(Search &search, std::vector<Member> &chosen) {
+  bool changed = false;
+  for (std::size_t m = 0; m < chosen.size() && chosen.size() > 1; ++m) {
+    if (chosen[m].kept) continue;
+    std::vector<Member> others = without(chosen, m);
+    std::vector<Option> options = search.offer(others);
+    Option self = search.refine(chosen[m].candidate, others, chosen[m].shape);
+    int best = pick(search, options);
+    if (!acceptable(self) && best < 0) {
+      chosen = others;
+      return true;
+    }
+    if (best >= 0 && options[std::size_t(best)].candidate != chosen[m].candidate && options[std::size_t(best)].worth() > self.worth() + 4) {
+      chosen = search.joined(others, options[std::size_t(best)].candidate, options[std::size_t(best)].shape);
+      return true;
+    }
+    if (self.possible) chosen[m].shape = self.shape;
+  }
+  return changed;
+}
+
+}  // namespace
+
+Remainder beyond(const Search &search, const std::vector<Family> &families, const std::vector<Member> &members) {
+  const Equation &e = search.equation();
+  Remainder out;
+  Eigen::MatrixXd x = e.base;
+  Eigen::VectorXd y = e.y;
+  for (const Member &m : members) {
+    Term t = realise(e, search.candidates()[std::size_t(m.candidate)], m.shape, search.nominal());
+    if (t.column.cols()) {
+      x.conservativeResize(x.rows() ? x.rows() : t.column.rows(), x.cols() + t.column.cols());
+      x.rightCols(t.column.cols()) = t.column;
+    }
+    if (t.taken.size()) y -= t.taken;
+  }
+  const int fixed = int(x.cols());
+  std::vector<std::vector<int>> columns;
+  int at = fixed;
+  for (const Family &f : families) {
+    columns.emplace_back();
+    for (int k = 0; k < int(f.column.cols()); ++k) columns.back().push_back(at++);
+  }
+  Eigen::MatrixXd all(Eigen::Index(e.rows), at);
+  all.leftCols(fixed) = x;
+  for (std::size_t f = 0; f < families.size(); ++f)
+    if (families[f].column.cols()) all.middleCols(columns[f].front(), families[f].column.cols()) = families[f].column;
+  BlockGram gram(e, whiten(e, all), whiten(e, y));
+  std::vector<int> now;
+  std::vector<double> ridge;
+  for (int k = 0; k < fixed; ++k) now.push_back(k), ridge.push_back(0);
+  BlockGram::Score start = gram.cross_validate(now, ridge), current = start;
+  const double n = search.rows();
+  for (int step = 0; step < 5; ++step) {
+    double best_worth = 8;
+    int best = -1;
+    BlockGram::Score best_score;
+    double best_ridge = 0;
+    for (std::size_t f = 0; f < families.size(); ++f) {
+      if (std::find(out.family.begin(), out.family.end(), int(f)) != out.family.end() || columns[f].empty()) continue;
+      for (double r : {1e-4, 1e-2, 0.3}) {
+        std::vector<int> c = now;
+        std::vector<double> rr = ridge;
+        for (int k : columns[f]) c.push_back(k), rr.push_back(r);
+        BlockGram::Score s = gram.cross_validate(c, rr);
+        double worth = 0.5 * n * std::log(current.total / std::max(s.total, 1e-300)) - 2;
+        if (worth > best_worth) best_worth = worth, best = int(f), best_score = s, best_ridge = r;
+      }
+    }
+    if (best < 0) break;
+    out.family.push_back(best);
+    out.family_gain.push_back(best_worth);
+    for (int k : columns[std::size_t(best)]) now.push_back(k), ridge.push_back(best_ridge);
+    current = best_score;
+  }
+  out.sse = current.total;
+  out.gain = 0.5 * n * std::log(start.total / std::max(current.total, 1e-300)) - 2 * double(out.family.size());
+  double mean = 0, square = 0, blocks = double(start.sse.size());
+  for (std::size_t b = 0; b < start.sse.size(); ++b) mean += (start.sse[b] - current.sse[b]) / blocks;
+  for (std::size_t b = 0; b < start.sse.size(); ++b) square += std::pow(start.sse[b] - current.sse[b] - mean, 2) / std::max(1.0, blocks - 1);
+  out.t = mean / std::sqrt(square / blocks + 1e-300);
+  return out;
+}
+
+Analysis analyse(Equation equation, const driveid_model &model, const Settings &settings, std::vector<Notice> &notices) {
+  Analysis a;
+  a.families = make_families(equation);
+  a.floor = find_floor(equation, a.families);
+  std::vector<Candidate> candidates = make_candidates(equation);
+  if (!settings.effects.empty())
+    std::erase_if(candidates, [&](const Candidate &c) { return std::find(settings.effects.begin(), settings.effects.end(), c.name) == settings.effects.end(); });
+  // effects that the user's model already has
+  std::vector<std::pair<int, const driveid_effect_use *>> present;
+  for (unsigned k = 0; k < model.effects; ++k) {
+    const driveid_effect_use &use = model.effect[k];
+    int index = -1;
+    for (std::size_t c = 0; c < candidates.size(); ++c)
+      if (candidates[c].name == use.name) index = int(c);
+    if (index < 0 && use.formula[0]) {
+      bool electrical = !std::strcmp(use.adds_to, "v_V");
+      if (electrical != equation.electrical) continue;
+      std::string error;
+      Candidate own = own_candidate(use, error);
+      if (!error.empty()) {
+        notices.push_back({"formula", std::string(use.name) + ": " + error, ""});
+        continue;
+      }
+      candidates.push_back(own);
+      index = int(candidates.size()) - 1;
+    }
+    if (index >= 0) present.push_back({index, &use});
+  }
+  a.search = std::make_unique<Search>(std::move(equation), std::move(candidates), settings.threads);
+  Search &search = *a.search;
+  double from = 0, to = 0.35;
+  search.set_progress([&](double d) { return settings.tick ? settings.tick(from + (to - from) * d) : true; });
+
+  std::vector<Member> kept;
+  for (auto &[index, use] : present) {
+    const Candidate &c = search.candidates()[std::size_t(index)];
+    Member m{index, {}, true};
+    std::vector<double> published;
+    bool set = true;
+    for (unsigned p = 0; p < use->params; ++p) published.push_back(use->param[p].value), set &= use->param[p].state != DRIVEID_PARAM_UNSET;
+    if (c.axis.empty()) kept.push_back(m);
+    else if (set && c.info && published.size() >= c.info->params) {
+      m.shape = shape_of(search.equation(), c, published, search.nominal().inertia);
+      Option o = search.refine(index, kept, m.shape);
+      if (o.possible) m.shape = o.shape;
+      kept.push_back(m);
+    } else {
+      std::vector<Option> options = search.offer(kept);
+      if (options[std::size_t(index)].possible) m.shape = options[std::size_t(index)].shape, kept.push_back(m);
+      else if (!c.axis.empty()) {
+        for (const ShapeAxis &x : c.axis) m.shape.push_back(x.grid[x.grid.size() / 2]);
+        kept.push_back(m);
+      }
+    }
+  }
+  a.before = search.solve(kept);
+  a.general = beyond(search, a.families, kept);
+  a.offered = search.offer(kept);
+  a.chosen = kept;
+  std::vector<Option> options = a.offered;
+  for (int depth = 0; depth < settings.most_effects && !search.cancelled(); ++depth) {
+    int best = pick(search, options);
+    if (best < 0) break;
+    a.chosen = search.joined(a.chosen, options[std::size_t(best)].candidate, options[std::size_t(best)].shape);
+    search.polish(a.chosen);
+    from = to;
+    to = from + 0.5 * (0.95 - from);
+    for (int again = 0; again < 3 && a.chosen.size() > kept.size() + 1; ++again)
+      if (!reexamine(search, a.chosen)) break;
+    a.steps.push_back(a.chosen);
+    options = search.offer(a.chosen);
+  }
+  a.after = search.solve(a.chosen);
+  a.remainder = beyond(search, a.families, a.chosen);
+  const double floor_sse = std::min({a.general.sse, a.remainder.sse, a.after.score.total});
+  a.removable = std::max(0.0, a.before.score.total - floor_sse);
+  a.explained = a.removable > 0 ? (a.before.score.total - a.after.score.total) / a.removable : 0;
+
+  // Accepted effects, each with its rivals for the same place.
+  const double n = search.rows();
+  for (std::size_t m = 0; m < a.chosen.size(); ++m) {
+    if (a.chosen[m].kept) continue;
+    const Candidate &c = search.candidates()[std::size_t(a.chosen[m].candidate)];
+    Found *found = nullptr;
+    for (Found &f : a.found)
+      if (f.name == c.name) found = &f;
+    if (found) {
+      found->member.push_back(m);
+      continue;
+    }
+    Found f;
+    f.name = c.name;
+    f.member.push_back(m);
+    std::vector<Member> others = without(a.chosen, m);
+    bool alone = others.size() == kept.size();
+    std::vector<Option> rivals = alone ? a.offered : search.offer(others);
+    double total_without = search.solve(others).score.total, total_with = a.after.score.total;
+    f.share = a.removable > 0 ? (total_without - total_with) / a.removable : 0;
+    f.worth = 0.5 * n * std::log(total_without / std::max(total_with, 1e-300));
+    f.margin = f.worth;
+    for (const Option &o : rivals) {
+      if (!o.possible || o.candidate == a.chosen[m].candidate) continue;
+      double behind = 0.5 * n * std::log(o.total / std::max(total_with, 1e-300));
+      const Candidate &rival = search.candidates()[std::size_t(o.candidate)];
+      bool contains = subsumes(rival, c);
+      if (!contains) f.margin = std::min(f.margin, behind);
+      bool close = behind < 5 && behind < 0.1 * f.worth && std::sqrt(o.total / total_with) < 1.05 && o.held_gain > 0;
+      if (close && !contains && acceptable(o)) f.ties.push_back({o.candidate, o.shape, o.total, rival.name});
+    }
+    std::sort(f.ties.begin(), f.ties.end(), [](const Tie &x, const Tie &y) { return x.total < y.total; });
+    a.found.push_back(std::move(f));
+  }
+  std::sort(a.found.begin(), a.found.end(), [](const Found &x, const Found &y) { return x.share > y.share; });
+  double left = a.removable > 0 ? (a.after.score.total - floor_sse) / a.removable : 0;
+  bool more = a.remainder.gain > 25 && a.remainder.t > 2.5 && (a.after.score.total - a.remainder.sse) / a.after.score.total > 0.004;
+  a.unknown = more && (a.found.empty() || left > 0.3);
+  if (settings.tick) settings.tick(1.0);
+  return a;
+}
+
+}  // namespace driveid::diagnose

@@ -1,0 +1,389 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "diagnose/explain_search.hpp"
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <map>
+#include <thread>
+
+namespace driveid::diagnose {
+namespace {
+
+constexpr std::size_t kThinRows = 7000;
+
+void put_beside(Eigen::MatrixXd &a, const Eigen::MatrixXd &b) {
+  if (b.cols() == 0) return;
+  a.conservativeResize(b.rows(), a.cols() + b.cols());
+  a.rightCols(b.cols()) = b;
+}
+
+double paired_t(const std::vector<double> &before, const std::vector<double> &after) {
+  double mean = 0, square = 0;
+  const double n = double(before.size());
+  for (std::size_t b = 0; b < before.size(); ++b) mean += (before[b] - after[b]) / n;
+  for (std::size_t b = 0; b < before.size(); ++b) square += std::pow(before[b] - after[b] - mean, 2) / std::max(1.0, n - 1);
+  return mean / std::sqrt(square / n + 1e-300);
+}
+
+}  // namespace
+
+Search::Search(Equation equation, std::vector<Candidate> candidates, int threads)
+    : full_(std::move(equation)), thin_(thinned(full_, kThinRows)), candidates_(std::move(candidates)), known_(candidates_.size()), threads_(std::max(1, threads)) {
+  for (double w : full_.weight) rows_ += w;
+  Solution s = solve({});
+  int free_column = 0;
+  for (const BaseColumn &b : full_.base_column) {
+    double v = b.given ? b.value : s.coefficient[free_column++];
+    if (&b == &full_.base_column[0]) nominal_.inertia = v;
+    else if (full_.base_column.size() > 1 && &b == &full_.base_column[1]) nominal_.damping = v;
+  }
+}
+
+double Search::inertia(const Solution &s) const {
+  if (full_.base_column.empty()) return 0;
+  if (full_.base_column[0].given) return full_.base_column[0].value;
+  return s.coefficient.size() ? s.coefficient[0] : 0;
+}
+
+Search::View Search::view(const Equation &e, const std::vector<Member> &members) const {
+  View v;
+  v.equation = &e;
+  v.z = whiten(e, e.base);
+  v.y = whiten(e, e.y);
+  for (const Member &m : members) {
+    Term t = realise(e, candidates_[std::size_t(m.candidate)], m.shape, nominal_);
+    if (t.column.cols()) put_beside(v.z, whiten(e, t.column));
+    if (t.taken.size()) v.y -= whiten(e, t.taken);
+  }
+  v.scale = (v.z.colwise().norm().array() + 1e-300).matrix().transpose().cwiseInverse();
+  Eigen::MatrixXd zs = v.z * v.scale.asDiagonal();
+  v.z = zs;
+  Eigen::MatrixXd g = zs.transpose() * zs;
+  g.diagonal().array() += 1e-10;
+  v.factor.compute(g);
+  v.zy = v.factor.solve(zs.transpose() * v.y);
+  v.r = v.y - zs * v.zy;
+  v.rr = v.r.squaredNorm();
+  return v;
+}
+
+double Search::left(const View &v, const Candidate &c, const std::vector<double> &shape) const {
+  Term t = realise(*v.equation, c, shape, nominal_);
+  Eigen::VectorXd r = v.r, zy = v.zy;
+  if (t.taken.size()) {
+    Eigen::VectorXd taken = whiten(*v.equation, t.taken), zt = v.factor.solve(v.z.transpose() * taken);
+    r -= taken - v.z * zt;
+    zy -= zt;
+  }
+  double sse = r.squaredNorm();
+  Eigen::VectorXd linear;
+  if (t.column.cols()) {
+    Eigen::MatrixXd x = whiten(*v.equation, t.column), xz = v.z.transpose() * x, a = v.factor.solve(xz), s = x.transpose() * x;
+    Eigen::VectorXd before = s.diagonal();
+    s -= xz.transpose() * a;
+    for (Eigen::Index k = 0; k < s.rows(); ++k)
+      if (!(s(k, k) > 1e-7 * before[k]) || !(before[k] > 0)) return INFINITY;
+    Eigen::VectorXd d = s.diagonal().cwiseSqrt().cwiseInverse();
+    Eigen::MatrixXd n = d.asDiagonal() * s * d.asDiagonal();
+    n.diagonal().array() += 1e-9;
+    Eigen::VectorXd b = x.transpose() * r;
+    linear = d.asDiagonal() * n.ldlt().solve(d.asDiagonal() * b);
+    sse = r.squaredNorm() - 2 * linear.dot(b) + linear.dot(s * linear);
+    zy -= a * linear;
+  }
+  double inertia = full_.base_column.empty() ? 0 : full_.base_column[0].given ? full_.base_column[0].value : zy[0] * v.scale[0];
+  if (!lawful(full_, c, shape, linear, inertia)) return INFINITY;
+  return sse;
+}
+
+void Search::refine_shape(const View &v, const Candidate &c, std::vector<double> &shape, double &best, int rounds) const {
+  std::vector<double> step(shape.size());
+  for (std::size_t a = 0; a < shape.size(); ++a) {
+    const ShapeAxis &x = c.axis[a];
+    if (x.grid.size() < 2) step[a] = x.logarithmic ? std::log(2.0) : 0.25 * (x.hi - x.lo);
+    else if (x.logarithmic) step[a] = 0.5 * std::log(x.grid[1] / x.grid[0]);
+    else {
+      std::size_t j = 0;
+      while (j + 2 < x.grid.size() && x.grid[j + 1] <= shape[a]) ++j;
+      step[a] = 0.5 * (x.grid[j + 1] - x.grid[j]);
+    }
+    if (x.whole) step[a] = 0;
+  }
+  for (int round = 0; round < rounds; ++round) {
+    bool moved = false;
+    for (std::size_t a = 0; a < shape.size(); ++a) {
+      if (step[a] == 0) continue;
+      const ShapeAxis &x = c.axis[a];
+      for (double direction : {1.0, -1.0}) {
+        for (int go = 0; go < 6; ++go) {
+          std::vector<double> next = shape;
+          next[a] = x.logarithmic ? shape[a] * std::exp(direction * step[a]) : shape[a] + direction * step[a];
+          next[a] = std::clamp(next[a], x.lo, x.hi);
+          if (next[a] == shape[a]) break;
+          double s = left(v, c, next);
+          if (!(s < best)) break;
+          best = s;
+          shape = next;
+          moved = true;
+          if (go == 0) continue;
+        }
+      }
+    }
+    if (!moved || round % 2)
+      for (double &s : step) s *= 0.4;
+  }
+}
+
+Search::Context Search::context(const std::vector<Member> &members) const {
+  Context c;
+  c.members = members;
+  c.full = view(full_, members);
+  c.thin = view(thin_, members);
+  std::vector<int> all;
+  for (int k = 0; k < int(c.full.z.cols()); ++k) all.push_back(k);
+  c.score = BlockGram(full_, c.full.z, c.full.y).cross_validate(all, {});
+  return c;
+}
+
+Option Search::judged(int index, const Context &context, const std::vector<double> &shape, const BlockGram::Score &against) const {
+  const Candidate &c = candidates_[std::size_t(index)];
+  Option o;
+  o.candidate = index;
+  o.shape = shape;
+  Term t = realise(full_, c, shape, nominal_);
+  Eigen::MatrixXd z = context.full.z;
+  Eigen::VectorXd y = context.full.y;
+  if (t.column.cols()) put_beside(z, whiten(full_, t.column));
+  if (t.taken.size()) y -= whiten(full_, t.taken);
+  std::vector<int> all;
+  for (int k = 0; k < int(z.cols()); ++k) all.push_back(k);
+  BlockGram::Score score = BlockGram(full_, z, y).cross_validate(all, {});
+  o.possible = true;
+  o.sse = score.sse;
+  o.total = score.total;
+  o.gain = 0.5 * rows_ * std::log(against.total / std::max(score.total, 1e-300));
+  o.relative = 1 - score.total / against.total;
+  o.held_gain = score.held_rows > 0 ? 0.5 * score.held_rows * std::log(against.held / std::max(score.held, 1e-300)) : 0;
+  o.t = paired_t(against.sse, score.sse);
+  o.cost = 1.0 * double(t.column.cols()) + 2.0 * double(shape.size()) + std::log(c.trials);
+  return o;
+}
+
+Option Search::try_candidate(int index, const Context &context, const std::vector<std::vector<double>> &seeds) const {
+  const Candidate &c = candidates_[std::size_t(index)];
+  Option none;
+  none.candidate = index;
+  std::vector<std::vector<double>> grid{{}};
+  for (const ShapeAxis &x : c.axis) {
+    std::vector<std::vector<double>> next;
+    for (const auto &g : grid)
+      for (double v : x.grid) next.push_back(g), next.back().push_back(v);
+    grid = std::move(next);
+  }
+  for (const auto &s : seeds) grid.push_back(s);
+  std::vector<std::pair<double, std::size_t>> scored;
+  if (grid.size() > 1) {
+    for (std::size_t k = 0; k < grid.size(); ++k) scored.push_back({left(context.thin, c, grid[k]), k});
+    std::sort(scored.begin(), scored.end());
+  } else {
+    scored.push_back({0, 0});
+  }
+  double best = INFINITY;
+  std::vector<double> shape;
+  std::size_t tries = c.axis.empty() ? 1 : c.trials > 1 ? 4 : 2;
+  for (std::size_t k = 0; k < scored.size() && k < tries; ++k) {
+    if (!std::isfinite(scored[k].first)) break;
+    std::vector<double> s = grid[scored[k].second];
+    double v = left(context.full, c, s);
+    if (v < best) best = v, shape = s;
+  }
+  if (!std::isfinite(best)) return none;
+  if (!c.axis.empty() && !shape.empty()) {
+    if (thin_.rows < full_.rows && !c.axis[0].whole && c.axis.size() > 1) {   // most of the way on the stretches
+      double b = left(context.thin, c, shape);
+      std::vector<double> s = shape;
+      refine_shape(context.thin, c, s, b, 5);
+      double v = left(context.full, c, s);
+      if (v < best) best = v, shape = s;
+      refine_shape(context.full, c, shape, best, 2);
+    } else {
+      refine_shape(context.full, c, shape, best, 5);
+    }
+  }
+  return judged(index, context, shape, context.score);
+}
+
+std::vector<Member> Search::joined(const std::vector<Member> &members, int candidate, const std::vector<double> &shape) const {
+  std::vector<Member> out;
+  for (const Member &m : members)
+    if (!subsumes(candidates_[std::size_t(candidate)], candidates_[std::size_t(m.candidate)]) || m.kept) out.push_back(m);
+  out.push_back({candidate, shape, false});
+  return out;
+}
+
+std::vector<Option> Search::offer(const std::vector<Member> &members, const std::vector<int> &skip) {
+  std::map<std::vector<int>, std::unique_ptr<Context>> contexts;
+  std::vector<Context *> of(candidates_.size(), nullptr);
+  BlockGram::Score against;
+  for (std::size_t k = 0; k < candidates_.size(); ++k) {
+    bool skipped = std::find(skip.begin(), skip.end(), int(k)) != skip.end();
+    bool repeats = candidates_[k].info && candidates_[k].info->repeats;
+    std::vector<Member> others;
+    std::vector<int> key;
+    for (const Member &m : members) {
+      if (m.candidate == int(k) && !repeats) skipped = true;
+      if (subsumes(candidates_[std::size_t(m.candidate)], candidates_[k])) skipped = true;
+      if (subsumes(candidates_[k], candidates_[std::size_t(m.candidate)]) && !m.kept) continue;
+      others.push_back(m);
+      key.push_back(m.candidate);
+    }
+    if (skipped) continue;
+    auto &slot = contexts[key];
+    if (!slot) slot = std::make_unique<Context>(context(others));
+    of[k] = slot.get();
+  }
+  std::vector<int> whole;
+  for (const Member &m : members) whole.push_back(m.candidate);
+  if (contexts.count(whole)) against = contexts[whole]->score;
+  else against = context(members).score;
+  std::vector<Option> out(candidates_.size());
+  std::atomic<std::size_t> next{0}, finished{0};
+  std::atomic<bool> stop{false};
+  auto work = [&](bool reports) {
+    for (;;) {
+      std::size_t k = next++;
+      if (k >= candidates_.size() || stop) return;
+      out[k].candidate = int(k);
+      if (of[k]) {
+        std::vector<std::vector<double>> seeds;
+        if (!known_[k].empty()) seeds.push_back(known_[k]);
+        Option o = try_candidate(int(k), *of[k], seeds);
+        if (o.possible) {
+          o.gain = 0.5 * rows_ * std::log(against.total / std::max(o.total, 1e-300));
+          o.relative = 1 - o.total / against.total;
+          o.t = paired_t(against.sse, o.sse);
+        }
+        out[k] = o;
+      }
+      ++finished;
+      if (reports && tick_ && !tick_(double(finished) / double(candidates_.size()))) stop = true;
+    }
+  };
+  std::vector<std::thread> pool;
+  for (int k = 1; k < threads_; ++k) pool.emplace_back(work, false);
+  work(true);
+  for (auto &t : pool) t.join();
+  cancelled_ |= stop;
+  for (std::size_t k = 0; k < out.size(); ++k)
+    if (out[k].possible && !out[k].shape.empty()) known_[k] = out[k].shape;
+  return out;
+}
+
+Option Search::refine(int candidate, const std::vector<Member> &members, const std::vector<double> &from) {
+  Context c = context(members);
+  std::vector<double> shape = from;
+  double best = left(c.full, candidates_[std::size_t(candidate)], shape);
+  refine_shape(c.full, candidates_[std::size_t(candidate)], shape, best, 5);
+  return judged(candidate, c, shape, c.score);
+}
+
+void Search::polish(std::vector<Member> &members) {
+  if (members.size() < 2) return;
+  for (std::size_t m = 0; m < members.size(); ++m) {
+    const Candidate &c = candidates_[std::size_t(members[m].candidate)];
+    if (members[m].kept || c.axis.empty()) continue;
+    std::vector<Member> others;
+    for (std::size_t k = 0; k < members.size(); ++k)
+      if (k != m) others.push_back(members[k]);
+    View v = view(full_, others);
+    double best = left(v, c, members[m].shape);
+    refine_shape(v, c, members[m].shape, best, 4);
+  }
+}
+
+Solution Search::solve(const std::vector<Member> &members) const {
+  Solution s;
+  s.member = members;
+  Eigen::MatrixXd x = full_.base;
+  Eigen::VectorXd y = full_.y;
+  std::vector<Eigen::Index> width;
+  for (const Member &m : members) {
+    Term t = realise(full_, candidates_[std::size_t(m.candidate)], m.shape, nominal_);
+    width.push_back(t.column.cols());
+    put_beside(x, t.column);
+    if (t.taken.size()) y -= t.taken;
+  }
+  Eigen::MatrixXd wx = whiten(full_, x);
+  Eigen::VectorXd wy = whiten(full_, y);
+  BlockGram gram(full_, wx, wy);
+  std::vector<int> all;
+  for (int k = 0; k < int(x.cols()); ++k) all.push_back(k);
+  s.score = gram.cross_validate(all, {});
+  s.coefficient = gram.solve(all, {}, false);
+  Eigen::Index at = full_.base.cols();
+  for (Eigen::Index w : width) s.linear.push_back(s.coefficient.segment(at, w)), at += w;
+  s.residual = y - x * s.coefficient;
+  s.white = wy - wx * s.coefficient;
+  return s;
+}
+
+Eigen::MatrixXd Search::covariance(const Solution &s) const {
+  Eigen::MatrixXd j = whiten(full_, full_.base);
+  std::vector<Eigen::MatrixXd> shapes;
+  for (std::size_t m = 0; m < s.member.size(); ++m) {
+    const Candidate &c = candidates_[std::size_t(s.member[m].candidate)];
+    auto value = [&](const std::vector<double> &shape) {
+      Term t = realise(full_, c, shape, nominal_);
+      Eigen::VectorXd v = Eigen::VectorXd::Zero(Eigen::Index(full_.rows));
+      if (t.column.cols()) v += t.column * s.linear[m];
+      if (t.taken.size()) v += t.taken;
+      return v;
+    };
+    Term t = realise(full_, c, s.member[m].shape, nominal_);
+    put_beside(j, whiten(full_, t.column));
+    Eigen::MatrixXd d(Eigen::Index(full_.rows), Eigen::Index(c.axis.size()));
+    for (std::size_t a = 0; a < c.axis.size(); ++a) {
+      std::vector<double> up = s.member[m].shape, down = up;
+      double step = 0.02 * std::max(std::fabs(up[a]), 1e-3 * (c.axis[a].hi - c.axis[a].lo));
+      if (c.axis[a].whole) step = 0.02;
+      up[a] += step;
+      down[a] -= step;
+      d.col(Eigen::Index(a)) = whiten(full_, Eigen::VectorXd((value(up) - value(down)) / (2 * step)));
+      if (c.axis[a].whole) d.col(Eigen::Index(a)).setZero();
+    }
+    shapes.push_back(d);
+  }
+  for (const auto &d : shapes) put_beside(j, d);
+  const Eigen::Index n = j.cols();
+  Eigen::VectorXd scale = (j.colwise().norm().array() + 1e-300).matrix().transpose().cwiseInverse();
+  for (Eigen::Index k = 0; k < n; ++k)
+    if (!(scale[k] < 1e200)) scale[k] = 0;
+  Eigen::MatrixXd q = j * scale.asDiagonal(), g = q.transpose() * q;
+  g.diagonal().array() += 1e-9;
+  Eigen::MatrixXd inverse = g.ldlt().solve(Eigen::MatrixXd::Identity(n, n));
+  // sandwich over stretches long against what whitening left of the correlation
+  const std::size_t stretch = 60;
+  Eigen::MatrixXd meat = Eigen::MatrixXd::Zero(n, n);
+  double groups = 0;
+  for (std::size_t a = 0; a < full_.rows; a += stretch) {
+    std::size_t m = std::min(stretch, full_.rows - a);
+    Eigen::VectorXd u = q.middleRows(Eigen::Index(a), Eigen::Index(m)).transpose() * s.white.segment(Eigen::Index(a), Eigen::Index(m));
+    meat += u * u.transpose();
+    groups += 1;
+  }
+  double sigma2 = s.white.squaredNorm() / std::max(1.0, rows_ - double(n));
+  Eigen::MatrixXd sandwich = inverse * meat * inverse * (groups / std::max(1.0, groups - double(n)));
+  Eigen::MatrixXd plain = inverse * sigma2;
+  // the sandwich where it has groups to speak of, never below four fifths of the plain one
+  Eigen::MatrixXd c = groups > 5 * double(n) ? sandwich : plain;
+  for (Eigen::Index k = 0; k < n; ++k)
+    if (c(k, k) < 0.64 * plain(k, k) && c(k, k) > 0) {
+      double f = std::sqrt(0.64 * plain(k, k) / c(k, k));
+      c.row(k) *= f;
+      c.col(k) *= f;
+    }
+  return scale.asDiagonal() * c * scale.asDiagonal();
+}
+
+}  // namespace driveid::diagnose
