@@ -26,7 +26,8 @@ ROOMS = {
 # public header -> room it belongs to
 HEADERS = {
     "status": "base", "time": "base", "sample": "base", "version": "base", "regression": "base", "filter": "base", "fixed": "base",
-    "effect": "effect", "model": "model", "model_file": "model file", "batch": "batch", "modal": "batch", "diagnose": "diagnose",
+    "filter": "base", "effect": "effect", "model": "model", "simulate": "model", "model_file": "model file", "batch": "batch", "modal": "batch",
+    "diagnose": "diagnose", "fsm": "estimate", "discrete": "estimate", "monitor": "estimate", "estimate": "estimate",
 }
 # ARCHITECTURE.md: driveid_estimate is plain data that model maps to physical parameters; its page is included by both.
 SHARED_HEADERS = {"estimate": {"model", "model file", "batch", "diagnose"}}
@@ -63,7 +64,9 @@ def header_breach(room, header):
     allowed = PUBLIC_ONLY.get(room, False)
     if allowed is not False:
         return None if allowed is None or header in allowed else f"{room} may include only {', '.join(sorted(allowed))}"
-    owner = HEADERS.get(header, "estimate")
+    owner = HEADERS.get(header)
+    if owner is None:
+        return f"no room is known for <driveid/{header}.h>: enter it in HEADERS of tools/check_layers.py"
     if owner == room or owner in ROOMS[room][1] or room in SHARED_HEADERS.get(header, ()):
         return None
     return f"{room} may not use {owner}"

@@ -20,8 +20,11 @@ class Programs:
         return self
 
     def __exit__(self, *_):
-        for program in reversed(self.running):
-            stop(program)
+        self.stop_all()
+
+    def stop_all(self):
+        while self.running:
+            stop(self.running.pop())
 
     def start(self, name, command):
         with open(self.folder / f"{name}.log", "wb") as log:
@@ -38,10 +41,6 @@ class Programs:
 
     def tail(self, name, lines=15):
         return "\n".join((self.folder / f"{name}.log").read_text(errors="replace").splitlines()[-lines:])
-
-    def stop(self, program):
-        stop(program)
-        self.running.remove(program)
 
 
 def stop(program):
