@@ -1,3 +1,82 @@
 # SPDX-License-Identifier: Apache-2.0
 """driveid config new | check | import-dbc."""
-COMMANDS = []
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import click
+
+from .. import dbc_import
+from ..errors import UsageError
+from ..files import write_text
+from .common import invoke_guard, say
+
+
+@click.group("config")
+def config() -> None:
+    """The gateway's configuration: a new one, a check, signals out of a DBC."""
+
+
+@config.command("new")
+@click.option("--bus", "kind", type=click.Choice(["can", "modbus", "replay"]), default="can", show_default=True, help="Where the samples come from.")
+@click.option("--structure", default="rigid_axis", show_default=True, help="Known equations of the drive.")
+@click.option("-o", "--output", metavar="FILE", default="-", show_default=True)
+@invoke_guard
+def config_new(kind: str, structure: str, output: str) -> None:
+    """A configuration to start from, every line explained."""
+    from .._core import STRUCTURES
+    from ..errors import close_names
+    if structure not in STRUCTURES:
+        raise UsageError(f"no structure {structure!r}. {close_names(structure, STRUCTURES)}")
+    _write(output, dbc_import.template(kind, structure))
+
+
+@config.command("check")
+@click.argument("file", metavar="FILE")
+@invoke_guard
+def config_check(file: str) -> None:
+    """What driveidd says about FILE: the same parser, the same words."""
+    program = find_daemon()
+    if program is None:
+        raise UsageError("driveidd is not installed here: build it, or set DRIVEIDD to its path")
+    done = subprocess.run([program, "--check", file], check=False)
+    raise click.exceptions.Exit(0 if done.returncode == 0 else 2)
+
+
+def find_daemon() -> str | None:
+    named = os.environ.get("DRIVEIDD")
+    if named:
+        return named if os.access(named, os.X_OK) else None
+    return shutil.which("driveidd")
+
+
+@config.command("import-dbc")
+@click.argument("dbc", metavar="DBC")
+@click.option("--map", "maps", multiple=True, metavar="NAME=SIGNAL[:UNIT]", help="Which signal of the DBC is which, where its name does not say it.")
+@click.option("--interface", default="can0", show_default=True, help="CAN interface of the source.")
+@click.option("--structure", default="rigid_axis", show_default=True)
+@click.option("--drive", default="axis1", show_default=True, help="Name of the drive.")
+@click.option("--dt", "dt_s", type=float, default=None, help="Sample time in seconds; else from the cycle time in the DBC.")
+@click.option("-o", "--output", metavar="FILE", default="-", show_default=True)
+@invoke_guard
+def import_dbc(dbc: str, maps: tuple[str, ...], interface: str, structure: str, drive: str, dt_s: float | None, output: str) -> None:
+    """A gateway configuration with the signals of a DBC: bit fields, scales and offsets taken over, converted to SI."""
+    text, notices = dbc_import.from_dbc(Path(dbc), maps, interface=interface, structure=structure, drive=drive, dt_s=dt_s)
+    for notice in notices:
+        say(notice)
+    _write(output, text)
+
+
+def _write(output: str, text: str) -> None:
+    if output == "-":
+        click.echo(text, nl=False)
+    else:
+        write_text(output, text)
+        say(f"wrote {output}; `driveid config check {output}` looks it over")
+
+
+COMMANDS = [config]
