@@ -91,6 +91,7 @@ void draw_sensors(const CaseRequest &q, Setup &s, Random &rng) {
     const bool current_matters = any_in(q.effects, {"torque_saturation", "torque_ripple", "current_offset", "dead_zone"});
     n.has_tau = (d.structure == "rigid_axis" && input < 0.2 && !current_matters) || (d.linear && input < 0.5);
     n.has_i = !n.has_tau;
+    n.current_is_q = rng.chance(0.5);
 }
 
 std::string draw_dirt(const Setup &s, Random &rng) {

@@ -62,6 +62,7 @@ struct Sensors {
     double sigma_q = 0, sigma_w = 0, sigma_v = 0, sigma_T = 0.05;
     bool average = false;                   // inputs averaged over the sample instead of instantaneous
     bool has_q = true, has_w = false, has_T = false, has_tau = false, has_i = true;
+    bool current_is_q = false;              // a rigid axis names its current i_q_A instead of i_A
     bool tacho = true;                      // speed from its own sensor, else from the encoder
     std::string dirt;                       // space-separated: dropped lag jitter glitch wrap k_t
 };

@@ -23,7 +23,7 @@ std::vector<Column> columns_of(const Setup &s) {
     const auto &n = s.sensors;
     std::vector<Column> out;
     if (n.has_i && d.pmsm) { out.push_back({"i_d_A", &Reading::i_d, "%.7g"}); out.push_back({"i_q_A", &Reading::i, "%.7g"}); }
-    else if (n.has_i) out.push_back({d.structure == "rigid_axis" && s.seed % 2 ? "i_q_A" : "i_A", &Reading::i, "%.7g"});
+    else if (n.has_i) out.push_back({d.structure == "rigid_axis" && n.current_is_q ? "i_q_A" : "i_A", &Reading::i, "%.7g"});
     if (n.has_tau) out.push_back({d.linear ? "F_N" : "tau_Nm", &Reading::torque, "%.7g"});
     if (d.pmsm) { out.push_back({"v_d_V", &Reading::v_d, "%.7g"}); out.push_back({"v_q_V", &Reading::v, "%.7g"}); }
     else if (d.structure.rfind("dc_", 0) == 0) out.push_back({"v_V", &Reading::v, "%.7g"});

@@ -11,7 +11,7 @@ Motion::Motion(const Drive &drive, std::uint64_t seed, const std::string &progra
     : d_(drive), rng_(seed, "motion"), program_(program) { begin(); }
 
 void Motion::begin() {
-    static const char *const order[] = {"slow", "p2p", "reversal", "rest", "jog", "prbs", "p2p", "slow", "chirp", "rest", "reversal", "jog"};
+    static const char *const order[] = {"p2p", "slow", "reversal", "jog", "prbs", "rest", "p2p", "chirp", "slow", "jog", "rest", "reversal"};
     static int const kinds = static_cast<int>(std::size(order));
     if (program_ == "mixed") {
         if (count_ == 0) count_ = rng_.integer(0, kinds - 1) + kinds;
@@ -24,12 +24,12 @@ void Motion::begin() {
     accel_ = d_.a_max * rng_.uniform(0.35, 1.0);
     const double inward = q_ > 0.5 * d_.range ? -1 : q_ < -0.5 * d_.range ? 1 : rng_.sign();
     if (kind_ == "p2p") {
-        target_ = rng_.uniform(-0.8, 0.8) * d_.range;
-        speed_ = d_.w_max * rng_.uniform(0.3, 1.0);
+        target_ = rng_.uniform(0.3, 0.8) * d_.range * (q_ > 0 ? -1 : 1);
+        speed_ = d_.w_max * rng_.uniform(0.5, 1.0);
         length_ = std::min(std::fabs(target_ - q_) / speed_ + speed_ / accel_ + rng_.uniform(0.1, 0.4), 4.0);
     } else if (kind_ == "jog") {
-        speed_ = inward * d_.w_max * rng_.log_uniform(0.05, 1.0);
-        length_ = rng_.uniform(0.6, 1.6);
+        speed_ = inward * d_.w_max * rng_.log_uniform(0.06, 1.0);
+        length_ = rng_.uniform(0.6, 1.4);
     } else if (kind_ == "rest") {
         speed_ = 0; length_ = rng_.uniform(0.3, 0.9);
     } else if (kind_ == "reversal") {  // small and quick, so that the direction changes many times
@@ -47,7 +47,7 @@ void Motion::begin() {
     } else {  // slow: a few turns at creeping speed, so that position and low speed show
         kind_ = "slow";
         speed_ = inward * d_.w_max * rng_.log_uniform(0.01, 0.06);
-        length_ = rng_.uniform(2.0, 3.5);
+        length_ = rng_.uniform(1.8, 3.0);
     }
 }
 

@@ -44,9 +44,8 @@ double Plant::drive_torque() {
     return delayed;
 }
 
-double Plant::smooth(double t, double q, double w) const {
-    (void)t;
-    double drift = 1 + x_.friction_drift * (1 - std::exp(-s_.t / x_.friction_drift_tau_s));
+double Plant::smooth(double q, double w) const {
+    const double drift = 1 + x_.friction_drift * (1 - std::exp(-s_.t / x_.friction_drift_tau_s));
     double torque = (d_.B + (w > 0 ? x_.asymmetry_B : -x_.asymmetry_B)) * w * drift;
     torque += x_.drag * std::fabs(w) * w + x_.load;
     if (x_.unbalance != 0) torque += x_.unbalance * std::sin(q - x_.unbalance_phase);
@@ -100,8 +99,8 @@ double Plant::inertia_slope(double q) const {
     return -d_.J * x_.inertia_wave * x_.inertia_wave_order * std::sin(x_.inertia_wave_order * q + x_.inertia_wave_phase);
 }
 
-Plant::Rate Plant::rate(double t, double q, double w, double q_l, double w_l, int mode) const {
-    double push = torque_ - smooth(t, q, w) - 0.5 * inertia_slope(q) * w * w;
+Plant::Rate Plant::rate(double q, double w, double q_l, double w_l, int mode) const {
+    double push = torque_ - smooth(q, w) - 0.5 * inertia_slope(q) * w * w;
     const double J = inertia(q);
     double lugre = 0;
     if (x_.lugre_k > 0) {
@@ -117,22 +116,24 @@ Plant::Rate Plant::rate(double t, double q, double w, double q_l, double w_l, in
 
 // Midpoint rule over h with the direction of dry friction held.
 void Plant::slide(double h, int mode) {
-    const Rate a = rate(s_.t, s_.q, s_.w, s_.q_l, s_.w_l, mode);
+    const Rate a = rate(s_.q, s_.w, s_.q_l, s_.w_l, mode);
     const double w_mid = s_.w + 0.5 * h * a.w_dot, w_l_mid = s_.w_l + 0.5 * h * a.w_l_dot;
     const double q_mid = s_.q + 0.5 * h * s_.w, q_l_mid = s_.q_l + 0.5 * h * s_.w_l;
-    const Rate b = rate(s_.t + 0.5 * h, q_mid, w_mid, q_l_mid, w_l_mid, mode);
+    const Rate b = rate(q_mid, w_mid, q_l_mid, w_l_mid, mode);
     s_.q += h * w_mid; s_.w += h * b.w_dot;
     s_.q_l += h * w_l_mid; s_.w_l += h * b.w_l_dot;
 }
 
 void Plant::mechanics() {
-    torque_ = drive_torque();
+    const double begin = torque_end_;
+    torque_end_ = drive_torque();
+    torque_ = 0.5 * (begin + torque_end_);  // of the middle of the step
     if (!dry_) { slide(h_, 0); coulomb_share_ = 0; return; }
     double left = h_;
     for (int round = 0; round < 3 && left > 0; ++round) {
         if (s_.mode == 0) {
             const double J_motor = two_ ? inertia(s_.q) * (1 - x_.load_share) : inertia(s_.q);
-            const double push = rate(s_.t, s_.q, 0, s_.q_l, s_.w_l, 0).w_dot * J_motor;
+            const double push = rate(s_.q, 0, s_.q_l, s_.w_l, 0).w_dot * J_motor;
             const int direction = push > 0 ? 1 : -1;
             const double hold = stiction(direction);
             if (std::fabs(push) <= hold) {  // stays: only the load side moves
@@ -159,14 +160,16 @@ void Plant::mechanics() {
 
 void Plant::electrics(double v, double v_d) {
     const double R = d_.R * (1 + 0.0039 * s_.heat);
+    const double w_mid = s_.w + 0.5 * (s_.w - w_before_);
+    w_before_ = s_.w;
     if (x_.dead_voltage > 0) v -= x_.dead_voltage * std::tanh(s_.i / (0.01 * d_.I_rated));
     if (!d_.pmsm) {
-        const double rest = (v - d_.K_e * s_.w) / R;  // exact for the speed held over the step
+        const double rest = (v - d_.K_e * w_mid) / R;  // exact for the speed held over the step
         s_.i = rest + (s_.i - rest) * std::exp(-h_ * R / d_.L);
         return;
     }
     if (x_.dead_voltage > 0) v_d -= x_.dead_voltage * std::tanh(s_.i_d / (0.01 * d_.I_rated));
-    const double w_e = d_.pole_pairs * s_.w;
+    const double w_e = d_.pole_pairs * w_mid;
     auto slope_d = [&](double i_d, double i_q) { return (v_d - R * i_d + w_e * d_.L_q * i_q) / d_.L_d; };
     auto slope_q = [&](double i_d, double i_q) { return (v - R * i_q - w_e * (d_.L_d * i_d + d_.psi)) / d_.L_q; };
     const double d_mid = s_.i_d + 0.5 * h_ * slope_d(s_.i_d, s_.i), q_mid = s_.i + 0.5 * h_ * slope_q(s_.i_d, s_.i);
@@ -206,7 +209,7 @@ void Plant::step(double v, double v_d) {
     electrics(v, v_d);
     mechanics();
     slow_states();
-    dissipated_ += (smooth(s_.t, q, 0.5 * (w + s_.w)) - smooth(s_.t, q, 0)) * (s_.q - q) +
+    dissipated_ += (smooth(q, 0.5 * (w + s_.w)) - smooth(q, 0)) * (s_.q - q) +
                    std::fabs(coulomb_share_) * dry_level(w, s_.mode >= 0 ? 1 : -1) * std::fabs(s_.q - q);
     s_.t += h_;
 }

@@ -33,13 +33,13 @@ public:
 private:
     struct Rate { double w_dot, w_l_dot; };
     double drive_torque();
-    double smooth(double t, double q, double w) const;       // torque without dry friction, opposing positive
+    double smooth(double q, double w) const;                 // torque without dry friction, opposing positive
     double dry_level(double w, int direction) const;
     double stiction(int direction) const;
     double coupling(double q, double w, double q_l, double w_l) const;
     double inertia(double q) const;
     double inertia_slope(double q) const;
-    Rate rate(double t, double q, double w, double q_l, double w_l, int mode) const;
+    Rate rate(double q, double w, double q_l, double w_l, int mode) const;
     void slide(double h, int mode);
     void mechanics();
     void electrics(double v, double v_d);
@@ -52,7 +52,7 @@ private:
     Random noise_;
     std::vector<double> past_;             // delay line of the torque
     std::size_t head_ = 0;
-    double torque_ = 0, coulomb_share_ = 0, dissipated_ = 0;
+    double torque_ = 0, torque_end_ = 0, w_before_ = 0, coulomb_share_ = 0, dissipated_ = 0;
     bool dry_ = false, two_ = false;
 };
 
