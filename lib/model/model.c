@@ -202,7 +202,9 @@ double driveid_model_gain(const driveid_model *model) {
     switch (model->structure) {
     case DRIVEID_STRUCTURE_LINEAR_AXIS: return driveid_model_frame(model) == DRIVEID_FRAME_FORCE ? given(model, "K_F_N_A", 1.0) : 1.0;
     case DRIVEID_STRUCTURE_PMSM_DRIVE: return 1.5 * given(model, "pole_pairs", 1.0) * given(model, "psi_pm_Vs", 1.0);
-    case DRIVEID_STRUCTURE_RIGID_AXIS: case DRIVEID_STRUCTURE_TWO_MASS_AXIS: case DRIVEID_STRUCTURE_DC_DRIVE:
+    case DRIVEID_STRUCTURE_DC_DRIVE: /* K_t = K_e in SI where nothing else is said */
+        return driveid_model_frame(model) == DRIVEID_FRAME_TORQUE ? given(model, "K_t_Nm_A", given(model, "K_e_Vs_rad", 1.0)) : 1.0;
+    case DRIVEID_STRUCTURE_RIGID_AXIS: case DRIVEID_STRUCTURE_TWO_MASS_AXIS:
         return driveid_model_frame(model) == DRIVEID_FRAME_TORQUE ? given(model, "K_t_Nm_A", 1.0) : 1.0;
     default: return 1.0;
     }

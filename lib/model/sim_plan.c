@@ -198,15 +198,23 @@ static const double *first_of(const driveid_sim_record *record, const driveid_si
     return NULL;
 }
 
-static const double *mechanical_drive(const driveid_sim *sim, const driveid_model *model) {
-    const driveid_signal torque[] = {DRIVEID_SIGNAL_TAU_NM}, force[] = {DRIVEID_SIGNAL_F_N};
-    const driveid_signal current[] = {DRIVEID_SIGNAL_I_Q_A, DRIVEID_SIGNAL_I_A}, voltage[] = {DRIVEID_SIGNAL_V_V};
+/* A measured torque or force comes before a current; then there is no gain. */
+static const double *measured_or(driveid_sim *sim, driveid_signal signal, const double *current) {
+    if (!sim->record.signal[signal]) return current;
+    sim->gain = 1.0;
+    return sim->record.signal[signal];
+}
+
+static const double *mechanical_drive(driveid_sim *sim, const driveid_model *model) {
+    const int dq = model->structure == DRIVEID_STRUCTURE_PMSM_DRIVE;
+    const driveid_signal current[] = {dq ? DRIVEID_SIGNAL_I_Q_A : DRIVEID_SIGNAL_I_A, dq ? DRIVEID_SIGNAL_I_A : DRIVEID_SIGNAL_I_Q_A}, voltage[] = {DRIVEID_SIGNAL_V_V};
     switch (driveid_model_frame(model)) {
     case DRIVEID_FRAME_VOLT: return first_of(&sim->record, voltage, 1);
-    case DRIVEID_FRAME_FORCE: return driveid_model_param(model, "K_F_N_A") ? first_of(&sim->record, current, 2) : first_of(&sim->record, force, 1);
-    case DRIVEID_FRAME_TORQUE:
-        if (model->structure == DRIVEID_STRUCTURE_PMSM_DRIVE || driveid_model_param(model, "K_t_Nm_A")) return first_of(&sim->record, current, 2);
-        return first_of(&sim->record, torque, 1);
+    case DRIVEID_FRAME_FORCE: return measured_or(sim, DRIVEID_SIGNAL_F_N, driveid_model_param(model, "K_F_N_A") ? first_of(&sim->record, current, 2) : NULL);
+    case DRIVEID_FRAME_TORQUE: {
+        const int knows_gain = model->structure == DRIVEID_STRUCTURE_PMSM_DRIVE || model->structure == DRIVEID_STRUCTURE_DC_DRIVE || driveid_model_param(model, "K_t_Nm_A");
+        return measured_or(sim, DRIVEID_SIGNAL_TAU_NM, knows_gain ? first_of(&sim->record, current, 2) : NULL);
+    }
     default: return first_of(&sim->record, current, 2);
     }
 }
@@ -256,9 +264,10 @@ driveid_status driveid_sim_init(driveid_sim *sim, const driveid_model *model, co
     if (sim->structure == DRIVEID_STRUCTURE_LTI) plan_lti(sim, model, &missing);
     if (sim->axis) plan_axis(sim, model, &missing);
     if (sim->circuit || sim->dq) plan_circuit(sim, model, sim->circuit ? &missing : &(const char *){""});
-    driveid_status s = missing ? DRIVEID_OK : plan_effects(sim, model, &missing, message, message_size);
+    driveid_status s = plan_channels(sim, model, message, message_size);
+    if (s) return s;
+    if (!missing) s = plan_effects(sim, model, &missing, message, message_size);
     if (missing) return complain(message, message_size, DRIVEID_ERR_ARGUMENT, "parameter %s has no value yet: fit the model first, or give it", missing);
-    if (!s) s = plan_channels(sim, model, message, message_size);
     if (s) return s;
     if (sim->axis && !(sim->J > 0.0)) return complain(message, message_size, DRIVEID_ERR_ARGUMENT, "inertia of the %s must be positive to simulate", driveid_structure_name(sim->structure));
     sim->substep_s = longest_substep(sim);

@@ -83,7 +83,8 @@ driveid_frame driveid_model_frame(const driveid_model *model);
  * value stands in another frame (its number would be wrong there); reason names it. */
 driveid_status driveid_model_set_frame(driveid_model *model, driveid_frame frame, char *reason, size_t reason_size);
 
-/* Torque or force per unit of the driving channel: K_t or K_F where given, 3/2 pole_pairs psi_pm of a pmsm_drive, else 1. */
+/* Torque or force per unit of current: K_t or K_F where given, K_e of a dc_drive where not (they are one number in SI), 3/2 pole_pairs psi_pm of a
+ * pmsm_drive, else 1. A measured torque or force comes before a current. */
 double driveid_model_gain(const driveid_model *model);
 
 /* Unit of the driving channel for names of effects: 'A', 'V', or 'N' where torque or force is measured. */

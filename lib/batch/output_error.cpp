@@ -1,0 +1,424 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "batch/output_error.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <thread>
+
+namespace driveid::batch {
+
+driveid_sim_record Stretch::view() const {
+  driveid_sim_record r = {};
+  r.rows = t_s.size();
+  r.t_s = t_s.data();
+  for (int s = 0; s < DRIVEID_SIGNAL_COUNT; s++) r.signal[s] = column[s].empty() ? nullptr : column[s].data();
+  r.hold = hold;
+  return r;
+}
+
+double &value_of(driveid_model &model, const FreeParam &free) {
+  return free.effect < 0 ? model.param[free.index].value : model.effect[free.effect].param[free.index].value;
+}
+
+namespace {
+
+struct Window {
+  std::size_t stretch, from, to, at;            // at: first row in the stacked outputs
+  double x[DRIVEID_X_COUNT];
+  double memory[DRIVEID_MODEL_EFFECTS_MAX][DRIVEID_EFFECT_MEMORY];
+};
+
+struct Fitting {
+  const OutputErrorProblem &problem;
+  std::vector<Window> windows;
+  std::size_t rows = 0;
+  std::vector<double> measured, scale;          // stacked: window, output, row; 1/noise by output
+  std::vector<uint32_t> states;                 // indices of free initial states
+  double state_step[DRIVEID_X_COUNT] = {};
+};
+
+using Stack = std::vector<double>;
+
+// One pass over all windows with a model. moved: index into states of the initial state that is shifted by its step, or -1.
+bool simulate(const Fitting &f, const driveid_model &model, int moved, std::vector<Window> *remember, Stack &out) {
+  out.resize(f.rows * f.problem.outputs.size());
+  driveid_sim sim;
+  driveid_sim_state state = {};
+  std::size_t current = SIZE_MAX;
+  std::size_t index = 0;
+  for (const Window &w : f.windows) {
+    if (w.stretch != current) {
+      const driveid_sim_record view = f.problem.stretches[w.stretch]->view();
+      if (driveid_sim_init(&sim, &model, &view, f.problem.mode, nullptr, 0)) return false;
+      std::memset(&state, 0, sizeof state);
+      current = w.stretch;
+    }
+    if (remember) std::memcpy((*remember)[index].memory, state.memory, sizeof state.memory);
+    if (moved >= 0) std::memcpy(state.memory, w.memory, sizeof state.memory);
+    std::memcpy(state.x, w.x, sizeof state.x);
+    if (moved >= 0) state.x[f.states[std::size_t(moved)]] += f.state_step[f.states[std::size_t(moved)]];
+    state.direction = 0;
+    state.accel = 0;
+    double *to[DRIVEID_SIGNAL_COUNT] = {};
+    const std::size_t n = w.to - w.from;
+    for (std::size_t o = 0; o < f.problem.outputs.size(); o++) to[f.problem.outputs[o]] = out.data() + w.at * f.problem.outputs.size() + o * n;
+    if (driveid_sim_run(&sim, w.from, w.to, &state, to)) return false;
+    index++;
+  }
+  return true;
+}
+
+void make_windows(Fitting &f) {
+  const OutputErrorProblem &p = f.problem;
+  for (std::size_t s = 0; s < p.stretches.size(); s++) {
+    const Stretch &stretch = *p.stretches[s];
+    const std::size_t rows = stretch.t_s.size();
+    const double dt = (stretch.t_s.back() - stretch.t_s.front()) / double(rows - 1);
+    const std::size_t length = p.window_s > 0 ? std::max<std::size_t>(40, std::size_t(p.window_s / dt)) : rows;
+    const std::size_t count = std::max<std::size_t>(1, rows / length);
+    const driveid_sim_record view = stretch.view();
+    driveid_sim sim;
+    if (driveid_sim_init(&sim, &p.model, &view, p.mode, nullptr, 0)) return;
+    if (f.states.empty()) {
+      uint32_t index[DRIVEID_X_COUNT];
+      const uint32_t n = driveid_sim_free_states(&sim, index);
+      f.states.assign(index, index + n);
+    }
+    for (std::size_t k = 0; k < count; k++) {
+      Window w = {};
+      w.stretch = s;
+      w.from = k * rows / count;
+      w.to = (k + 1) * rows / count;
+      w.at = f.rows;
+      driveid_sim_state start;
+      driveid_sim_start(&sim, w.from, &start);
+      std::memcpy(w.x, start.x, sizeof w.x);
+      f.rows += w.to - w.from;
+      f.windows.push_back(w);
+    }
+  }
+}
+
+void stack_measured(Fitting &f) {
+  const std::size_t m = f.problem.outputs.size();
+  f.measured.resize(f.rows * m);
+  f.scale.assign(m, 1.0);
+  for (const Window &w : f.windows)
+    for (std::size_t o = 0; o < m; o++) {
+      const auto &column = f.problem.stretches[w.stretch]->column[f.problem.outputs[o]];
+      std::copy(column.begin() + std::ptrdiff_t(w.from), column.begin() + std::ptrdiff_t(w.to), f.measured.begin() + std::ptrdiff_t(w.at * m + o * (w.to - w.from)));
+    }
+  // steps of the initial states: a thousandth of what the outputs do
+  double lo = INFINITY, hi = -INFINITY, seconds = 0;
+  for (double v : f.measured) lo = std::min(lo, v), hi = std::max(hi, v);
+  for (const Stretch *s : f.problem.stretches) seconds = std::max(seconds, s->t_s.back() - s->t_s.front());
+  const double size = hi > lo ? hi - lo : 1.0;
+  for (int k = 0; k < DRIVEID_X_COUNT; k++) f.state_step[k] = 1e-4 * size * (k == DRIVEID_X_SPEED || k == DRIVEID_X_SPEED_L ? 1.0 / std::max(1e-3, std::min(1.0, seconds)) : 1.0);
+}
+
+struct Local {                       // one window, initial states projected out
+  Eigen::MatrixXd Jp, Js;            // scaled, projected Jp; raw Js factors kept for the state step
+  Eigen::VectorXd r;                 // projected
+  Eigen::MatrixXd state_gain;        // maps raw scaled residual to the state step
+  Eigen::VectorXd raw;
+  Eigen::MatrixXd rawJp;
+  double weight = 1;
+};
+
+struct Linear {
+  std::vector<Local> local;
+  Eigen::MatrixXd A;
+  Eigen::VectorXd b;
+  double cost = 0;
+};
+
+void huber_weights(std::vector<Local> &local) {
+  if (local.size() < 8) return;
+  std::vector<double> rms;
+  for (const Local &l : local) rms.push_back(std::sqrt(l.r.squaredNorm() / double(l.r.size())));
+  std::vector<double> sorted = rms;
+  std::nth_element(sorted.begin(), sorted.begin() + std::ptrdiff_t(sorted.size() / 2), sorted.end());
+  const double limit = 4.0 * sorted[sorted.size() / 2];
+  for (std::size_t k = 0; k < local.size(); k++) local[k].weight = limit > 0 && rms[k] > limit ? limit / rms[k] : 1.0;
+}
+
+// All simulations of one linearisation; parameter columns are shared out between two threads.
+bool columns(const Fitting &f, const driveid_model &model, const Stack &base, std::vector<Stack> &out) {
+  const std::size_t P = f.problem.free.size(), S = f.states.size();
+  out.assign(P + S, {});
+  std::vector<unsigned char> good(P + S, 1);
+  auto work = [&](std::size_t first) {
+    for (std::size_t k = first; k < P + S; k += 2) {
+      driveid_model moved = model;
+      double step = 1;
+      if (k < P) {
+        const FreeParam &free = f.problem.free[k];
+        step = free.scale;
+        double &value = value_of(moved, free);
+        if (value + step > free.hi) step = -step;
+        value += step;
+      } else {
+        step = f.state_step[f.states[k - P]];
+      }
+      good[k] = simulate(f, moved, k < P ? -1 : int(k - P), nullptr, out[k]);
+      for (std::size_t i = 0; good[k] && i < base.size(); i++) out[k][i] = (out[k][i] - base[i]) / step;
+    }
+  };
+  std::thread other(work, 1);
+  work(0);
+  other.join();
+  return std::all_of(good.begin(), good.end(), [](unsigned char g) { return g; });
+}
+
+bool linearise(Fitting &f, const driveid_model &model, const Stack &base, Linear &lin, bool weights) {
+  const std::size_t P = f.problem.free.size(), S = f.states.size(), m = f.problem.outputs.size();
+  std::vector<Stack> d;
+  if (!columns(f, model, base, d)) return false;
+  std::vector<double> previous;
+  for (const Local &l : lin.local) previous.push_back(l.weight);
+  lin.local.assign(f.windows.size(), {});
+  for (std::size_t w = 0; w < f.windows.size(); w++) {
+    const Window &window = f.windows[w];
+    const std::size_t n = window.to - window.from, first = window.at * m;
+    Local &l = lin.local[w];
+    l.raw.resize(Eigen::Index(n * m));
+    l.rawJp.resize(Eigen::Index(n * m), Eigen::Index(P));
+    Eigen::MatrixXd Js(Eigen::Index(n * m), Eigen::Index(S));
+    for (std::size_t i = 0; i < n * m; i++) {
+      const double scale = f.scale[i / n];
+      l.raw[Eigen::Index(i)] = scale * (f.measured[first + i] - base[first + i]);
+      for (std::size_t k = 0; k < P; k++) l.rawJp(Eigen::Index(i), Eigen::Index(k)) = scale * d[k][first + i];
+      for (std::size_t k = 0; k < S; k++) Js(Eigen::Index(i), Eigen::Index(k)) = scale * d[P + k][first + i];
+    }
+    // ridge: a state that the window does not show (the speed of an axis that sticks) stays where it is
+    const Eigen::VectorXd size = Js.colwise().norm().transpose().cwiseMax(1e-300);
+    Eigen::MatrixXd unit = Js * size.cwiseInverse().asDiagonal();
+    Eigen::MatrixXd gram = unit.transpose() * unit;
+    gram.diagonal().array() += 1e-9;
+    l.state_gain = size.cwiseInverse().asDiagonal() * gram.ldlt().solve(unit.transpose());
+    l.r = l.raw - Js * (l.state_gain * l.raw);
+    l.Jp = l.rawJp - Js * (l.state_gain * l.rawJp);
+    if (!weights && w < previous.size()) l.weight = previous[w];
+  }
+  if (weights) huber_weights(lin.local);
+  lin.A = Eigen::MatrixXd::Zero(Eigen::Index(P), Eigen::Index(P));
+  lin.b = Eigen::VectorXd::Zero(Eigen::Index(P));
+  for (const Local &l : lin.local) {
+    lin.A += l.weight * l.Jp.transpose() * l.Jp;
+    lin.b += l.weight * l.Jp.transpose() * l.r;
+  }
+  return true;
+}
+
+double total_cost(const Fitting &f, const Stack &base, const std::vector<double> &weight) {
+  const std::size_t m = f.problem.outputs.size();
+  double sum = 0;
+  for (std::size_t w = 0; w < f.windows.size(); w++) {
+    const std::size_t n = f.windows[w].to - f.windows[w].from, first = f.windows[w].at * m;
+    double one = 0;
+    for (std::size_t i = 0; i < n * m; i++) {
+      const double e = f.scale[i / n] * (f.measured[first + i] - base[first + i]);
+      one += e * e;
+    }
+    sum += (w < weight.size() ? weight[w] : 1.0) * one;
+  }
+  return sum;
+}
+
+void weigh_outputs(Fitting &f, const Stack &base) {
+  const std::size_t m = f.problem.outputs.size();
+  if (m < 2) return;
+  Eigen::VectorXd sum = Eigen::VectorXd::Zero(Eigen::Index(m));
+  for (const Window &w : f.windows)
+    for (std::size_t o = 0; o < m; o++)
+      for (std::size_t i = 0; i < w.to - w.from; i++) {
+        const std::size_t at = w.at * m + o * (w.to - w.from) + i;
+        sum[Eigen::Index(o)] += std::pow(f.measured[at] - base[at], 2);
+      }
+  for (std::size_t o = 0; o < m; o++) f.scale[o] = sum[Eigen::Index(o)] > 0 ? std::sqrt(double(f.rows) / sum[Eigen::Index(o)]) : 1.0;
+}
+
+// Moves parameters and initial states; false where a bound left no room.
+void move(const Fitting &f, const Linear &lin, const Eigen::VectorXd &step, driveid_model &model, std::vector<Window> &windows) {
+  Eigen::VectorXd taken = step;
+  for (std::size_t k = 0; k < f.problem.free.size(); k++) {
+    const FreeParam &free = f.problem.free[k];
+    double &value = value_of(model, free);
+    const double before = value;
+    value = std::clamp(value + step[Eigen::Index(k)], free.lo, free.hi);
+    taken[Eigen::Index(k)] = value - before;
+  }
+  for (std::size_t w = 0; w < windows.size(); w++) {
+    const Local &l = lin.local[w];
+    const Eigen::VectorXd ds = l.state_gain * (l.raw - l.rawJp * taken);
+    for (std::size_t k = 0; k < f.states.size(); k++) windows[w].x[f.states[k]] += ds[Eigen::Index(k)];
+  }
+}
+
+std::vector<double> weights_of(const Linear &lin) {
+  std::vector<double> w;
+  for (const Local &l : lin.local) w.push_back(l.weight);
+  return w;
+}
+
+Eigen::MatrixXd pseudo_inverse(const Eigen::MatrixXd &A) {
+  const Eigen::VectorXd size = A.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
+  Eigen::MatrixXd unit = size.asDiagonal() * A * size.asDiagonal();
+  unit.diagonal().array() += 1e-12;
+  return size.asDiagonal() * unit.ldlt().solve(Eigen::MatrixXd::Identity(A.rows(), A.cols())) * size.asDiagonal();
+}
+
+// Sandwich: scores summed over blocks of about 1/80 of the data each, neighbours' products counted half (Bartlett).
+void covariance(const Fitting &f, const Linear &lin, OutputErrorResult &result) {
+  const Eigen::Index P = lin.A.rows();
+  std::vector<Eigen::VectorXd> score;
+  const std::size_t m = f.problem.outputs.size(), block = std::max<std::size_t>(20, f.rows / 80);
+  std::size_t filled = 0;
+  Eigen::VectorXd sum = Eigen::VectorXd::Zero(P);
+  for (std::size_t w = 0; w < lin.local.size(); w++) {
+    const std::size_t n = f.windows[w].to - f.windows[w].from;
+    for (std::size_t from = 0; from < n;) {
+      const std::size_t take = std::min(n - from, block - filled);
+      for (std::size_t o = 0; o < m; o++)
+        sum += lin.local[w].weight * lin.local[w].Jp.middleRows(Eigen::Index(o * n + from), Eigen::Index(take)).transpose() * lin.local[w].r.segment(Eigen::Index(o * n + from), Eigen::Index(take));
+      from += take;
+      filled += take;
+      if (filled == block) score.push_back(sum), sum.setZero(), filled = 0;
+    }
+  }
+  if (filled) score.push_back(sum);
+  Eigen::MatrixXd meat = Eigen::MatrixXd::Zero(P, P);
+  for (std::size_t k = 0; k < score.size(); k++) {
+    meat += score[k] * score[k].transpose();
+    if (k) meat += 0.5 * (score[k] * score[k - 1].transpose() + score[k - 1] * score[k].transpose());
+  }
+  // never below what white residuals of this size would give
+  double squares = 0;
+  for (const Local &l : lin.local) squares += l.weight * l.r.squaredNorm();
+  const double blocks = double(score.size());
+  meat *= blocks / std::max(1.0, blocks - double(P));
+  const Eigen::MatrixXd bread = pseudo_inverse(lin.A);
+  Eigen::MatrixXd cov = bread * meat * bread;
+  const Eigen::MatrixXd white = squares / double(std::max<std::size_t>(1, f.rows * m - std::size_t(P))) * bread;
+  for (Eigen::Index k = 0; k < P; k++)
+    if (cov(k, k) < white(k, k)) {
+      const double grow = std::sqrt(white(k, k) / std::max(cov(k, k), 1e-300));
+      cov.row(k) *= grow;
+      cov.col(k) *= grow;
+    }
+  result.covariance = cov;
+  result.blocks = int(score.size());
+}
+
+void report_rmse(const Fitting &f, const Linear &lin, OutputErrorResult &result) {
+  const std::size_t m = f.problem.outputs.size();
+  Eigen::VectorXd sum = Eigen::VectorXd::Zero(Eigen::Index(m));
+  for (std::size_t w = 0; w < lin.local.size(); w++) {
+    const Eigen::Index n = Eigen::Index(f.windows[w].to - f.windows[w].from);
+    for (std::size_t o = 0; o < m; o++) sum[Eigen::Index(o)] += lin.local[w].r.segment(Eigen::Index(o) * n, n).squaredNorm() / (f.scale[o] * f.scale[o]);
+  }
+  result.rmse = (sum / double(f.rows)).cwiseSqrt();
+}
+
+}  // namespace
+
+OutputErrorResult fit_output_error(const OutputErrorProblem &problem) {
+  OutputErrorResult result;
+  result.model = problem.model;
+  Fitting f{problem, {}, 0, {}, {}, {}, {}};
+  make_windows(f);
+  if (f.windows.empty() || problem.outputs.empty()) return result;
+  stack_measured(f);
+  driveid_model model = problem.model;
+  Stack base;
+  if (!simulate(f, model, -1, &f.windows, base)) return result;
+  Linear lin;
+  double lambda = 1e-4;
+  bool fresh = true;
+  for (int it = 0; it < problem.iterations; it++) {
+    if (problem.cancelled && problem.cancelled()) return result;
+    if (it < 2) weigh_outputs(f, base);
+    if (fresh && !linearise(f, model, base, lin, it < 3)) return result;
+    const std::vector<double> weight = weights_of(lin);
+    const double before = total_cost(f, base, weight);
+    Eigen::MatrixXd A = lin.A;
+    A.diagonal() += lambda * lin.A.diagonal() + Eigen::VectorXd::Constant(A.rows(), 1e-300);
+    const Eigen::VectorXd step = pseudo_inverse(A) * lin.b;
+    driveid_model trial = model;
+    const std::vector<Window> kept = f.windows;
+    move(f, lin, step, trial, f.windows);
+    Stack next;
+    const bool runs = simulate(f, trial, -1, &f.windows, next);
+    const double after = runs ? total_cost(f, next, weight) : INFINITY;
+    if (std::isfinite(after) && after <= before) {
+      model = trial;
+      base = std::move(next);
+      lambda = std::max(1e-9, lambda / 10);
+      fresh = true;
+      if (before - after < 1e-4 * before && it >= 2) break;
+    } else {
+      f.windows = kept;
+      lambda *= 30;
+      fresh = false;
+      if (lambda > 1e8) break;
+    }
+  }
+  if (!linearise(f, model, base, lin, false)) return result;
+  result.model = model;
+  covariance(f, lin, result);
+  report_rmse(f, lin, result);
+  result.cost = total_cost(f, base, weights_of(lin));
+  result.ok = result.covariance.allFinite();
+  return result;
+}
+
+bool free_run(const driveid_model &model, const Stretch &stretch, driveid_sim_mode mode, std::size_t from, std::size_t to, std::size_t settle,
+              std::vector<double> (&out)[DRIVEID_SIGNAL_COUNT], const std::vector<driveid_signal> &wanted) {
+  // the initial state: least squares of the model over the first rows, parameters fixed
+  OutputErrorProblem start;
+  start.model = model;
+  start.mode = mode;
+  for (driveid_signal s : wanted)
+    if (!stretch.column[s].empty()) start.outputs.push_back(s);
+  Stretch head;
+  const std::size_t end = std::min(to, from + std::max<std::size_t>(settle, 4));
+  head.t_s.assign(stretch.t_s.begin() + std::ptrdiff_t(from), stretch.t_s.begin() + std::ptrdiff_t(end));
+  for (int s = 0; s < DRIVEID_SIGNAL_COUNT; s++)
+    if (!stretch.column[s].empty()) head.column[s].assign(stretch.column[s].begin() + std::ptrdiff_t(from), stretch.column[s].begin() + std::ptrdiff_t(end));
+  head.hold = stretch.hold;
+  start.stretches = {&head};
+  const driveid_sim_record view = stretch.view();
+  driveid_sim sim;
+  driveid_sim_state state;
+  if (driveid_sim_init(&sim, &model, &view, mode, nullptr, 0) || driveid_sim_start(&sim, from, &state)) return false;
+  Fitting f{start, {}, 0, {}, {}, {}, {}};
+  make_windows(f);
+  if (!f.windows.empty() && !start.outputs.empty()) {
+    stack_measured(f);
+    Stack base;
+    Linear lin;
+    for (int it = 0; it < 3; it++) {
+      if (!simulate(f, model, -1, &f.windows, base)) break;
+      weigh_outputs(f, base);
+      if (!linearise(f, model, base, lin, false)) break;
+      const double before = total_cost(f, base, {});
+      const std::vector<Window> kept = f.windows;
+      driveid_model same = model;
+      move(f, lin, Eigen::VectorXd(), same, f.windows);
+      if (!simulate(f, model, -1, nullptr, base) || !(total_cost(f, base, {}) <= before)) {
+        f.windows = kept;
+        break;
+      }
+    }
+    std::memcpy(state.x, f.windows[0].x, sizeof state.x);
+  }
+  double *target[DRIVEID_SIGNAL_COUNT] = {};
+  for (driveid_signal s : wanted) {
+    out[s].assign(to - from, 0.0);
+    target[s] = out[s].data();
+  }
+  return driveid_sim_run(&sim, from, to, &state, target) == DRIVEID_OK;
+}
+
+}  // namespace driveid::batch

@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: Apache-2.0
+// Output error: parameters whose simulation follows the measured outputs, over windows with free initial states.
+//
+// Windows are simulated from unknown initial states that each window's own least squares removes (variable projection), so a window of any
+// length, down to some tens of samples and up to the whole stretch, is one method: short windows forgive a disturbed or noisy input, long ones
+// resolve weak parameters. Memories of effects (bristles, winding heat) are carried from window to window.
+// Steps are Gauss-Newton with Levenberg-Marquardt damping; derivatives are differences of simulations. The covariance is a sandwich over blocks of
+// the projected score, so it holds for coloured residuals; windows far outside the others' error are weighted down (Huber).
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include <Eigen/Dense>
+
+#include <driveid/simulate.h>
+
+namespace driveid::batch {
+
+struct Stretch {                 // one gap-free piece of a record; owns its columns
+  std::vector<double> t_s;
+  std::vector<double> column[DRIVEID_SIGNAL_COUNT];  // empty: absent
+  driveid_hold hold = DRIVEID_HOLD_FIRST;
+  driveid_sim_record view() const;
+};
+
+struct FreeParam {               // where a free parameter lives in the model, and how far one may step
+  int effect = -1;               // -1: the structure's
+  int index = 0;
+  double scale = 1;              // size of a difference step, about a tenth of its uncertainty
+  double lo = -1e300, hi = 1e300;
+};
+
+struct OutputErrorProblem {
+  driveid_model model;           // start values in it
+  driveid_sim_mode mode = DRIVEID_SIM_MECHANICAL;
+  std::vector<FreeParam> free;
+  std::vector<driveid_signal> outputs;
+  std::vector<const Stretch *> stretches;
+  double window_s = 0;           // 0: whole stretches
+  int iterations = 8;
+  std::function<bool()> cancelled;
+};
+
+struct OutputErrorResult {
+  driveid_model model;           // values replaced; intervals untouched
+  Eigen::MatrixXd covariance;    // of the free parameters
+  Eigen::VectorXd rmse;          // by output, windows as fitted
+  double cost = 0;
+  int blocks = 0;                // behind the covariance
+  bool ok = false;
+};
+
+double &value_of(driveid_model &model, const FreeParam &free);
+OutputErrorResult fit_output_error(const OutputErrorProblem &problem);
+
+// Free run over one stretch. The initial state is estimated from the first `settle` rows by the model itself. out[s] sized rows where wanted.
+bool free_run(const driveid_model &model, const Stretch &stretch, driveid_sim_mode mode, std::size_t from, std::size_t to, std::size_t settle,
+              std::vector<double> (&out)[DRIVEID_SIGNAL_COUNT], const std::vector<driveid_signal> &wanted);
+
+}  // namespace driveid::batch
