@@ -134,7 +134,7 @@ int main(int argc, char **argv) {
     add_run(app);
     add_frames(app);
     add_effects(app);
-    if (argc > 1 && argv[1][0] != '-' && !app.get_subcommand_no_throw(argv[1])) {
+    if (argc > 1 && argv[1][0] != '-' && !app.get_subcommands([argv](const CLI::App *a) { return a->get_name() == argv[1]; }).size()) {
         std::fprintf(stderr, "driveid-sim: unknown command '%s'; there are: case, run, frames, effects\n", argv[1]);
         return 2;
     }
