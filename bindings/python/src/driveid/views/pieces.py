@@ -239,9 +239,9 @@ def cloud(x: np.ndarray, y: np.ndarray, name: str, unit: str, y_unit: str, predi
     inside = np.where((y >= figure.y.lo) & (y <= figure.y.hi), y, np.nan)
     figure.points(x, inside, "residual")
     figure.line([figure.x.lo, figure.x.hi], [0.0, 0.0], "zero", thin=False)
-    figure.line(*binned(x, y), "measured", thin=False)
     if predicted is not None:
         figure.line(*binned(x, predicted), "predicted", thin=False)
+    figure.line(*binned(x, y), "measured", thin=False)
     return figure.svg()
 
 

@@ -29,6 +29,7 @@ class Pair:
     """Measured and predicted of one signal; ``title`` says which prediction it is."""
 
     name: str
+    key: str
     title: str
     unit: str
     measured: np.ndarray
@@ -37,6 +38,14 @@ class Pair:
     @property
     def symbol(self) -> str:
         return units.symbol(self.name)
+
+    @property
+    def measured_name(self) -> str:
+        return self.name
+
+    @property
+    def model_name(self) -> str:
+        return self.key
 
     @property
     def residual(self) -> np.ndarray:
@@ -64,6 +73,10 @@ class Series:
         return next((c for c in self.curves if c.name == name), None)
 
     @property
+    def nbytes(self) -> int:
+        return int(self.t_s.nbytes + sum(c.values.nbytes for c in self.curves))
+
+    @property
     def signals(self) -> list[Curve]:
         """What was measured."""
         return [c for c in self.curves if c.what in ("signal", "measured")]
@@ -76,6 +89,12 @@ class Series:
             self._pyramids[name] = Pyramid(curve.values)
         return self._pyramids[name]
 
+    def residual_pyramid(self, pair: Pair) -> Pyramid:
+        name = f"{pair.key} left"
+        if name not in self._pyramids:
+            self._pyramids[name] = Pyramid(pair.residual)
+        return self._pyramids[name]
+
     def pairs(self) -> list[Pair]:
         """Measured against predicted, the simulation first: what a person looks at before anything else."""
         out = []
@@ -84,7 +103,7 @@ class Series:
             measured = self.get(base)
             if curve.what != "prediction" or measured is None:
                 continue
-            out.append(Pair(base, f"{units.symbol(base)}, {_HOW.get(how, how)}", curve.unit, measured.values, curve.values))
+            out.append(Pair(base, curve.name, f"{units.symbol(base)}, {_HOW.get(how, how)}", curve.unit, measured.values, curve.values))
         return sorted(out, key=lambda p: p.title)
 
     def balance(self) -> Curve | None:

@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: Apache-2.0
+// Page 3: the residual against everything it may depend on; a box in one view lights its points in all others.
+
+import * as api from "../api.js";
+import { Cloud } from "../cloud.js";
+import { el, into } from "../dom.js";
+import { TimePlot } from "../plots.js";
+import * as state from "../state.js";
+
+export function mount(place, { project, signal }) {
+  let clouds = [], line, act = () => {};
+  const record = state.get("r", "0").split("+")[0];
+  const chips = project.records.map((r, k) => el("button.chip", { "aria-pressed": String(String(k) === record), onclick: () => state.go({ r: k, sel: null }) }, `${r.name} (${r.role})`));
+  const count = el("span.soft"), clear = el("button", { onclick: () => act(null), hidden: true }, "Clear selection");
+  const body = el("div");
+  place.replaceChildren(el("div.row", {}, ...chips, el("span.space"), count, clear), body);
+
+  into(body, signal, "looking where it fails", async (options) => {
+    const { head, arrays } = await api.binary("where", { p: project.id, add: state.get("add"), r: record }, options);
+    const time = el("section.card.tight"), grid = el("div.clouds"), bars = el("section.card", { html: `<h2>What holds the error</h2>${head.regimes}` });
+    body.replaceChildren(el("div.where", {}, bars, el("div", {}, time, grid)));
+    const y = arrays.residual, mask = new Uint8Array(y.length), lit = new Float32Array(y.length).fill(NaN);
+    time.append(el("div.cap", {}, el("b", {}, "residual against time"), el("span", {}, `${head.points.toLocaleString("en")} of ${head.rows.toLocaleString("en")} samples`)));
+    line = new TimePlot(time, [{ name: "residual", colour: "residual", width: 1 }, { name: "selected", colour: "select", points: true }], {
+      title: "residual", unit: head.unit, height: 150, onZoom: (a, b) => choose({ key: "t_s", x0: a, x1: b, y0: -Infinity, y1: Infinity }) });
+    const column = (key) => (key === "t_s" ? arrays.t : arrays[key]);
+    clouds = head.coordinates.filter((c) => c.key !== "t_s").map((c) => {
+      const canvas = el("canvas", { "data-key": c.key, tabindex: "0", "aria-label": `residual against ${c.title}` });
+      grid.append(el("figure", {}, el("figcaption", {}, c.title), canvas));
+      return Object.assign(new Cloud(canvas, column(c.key), y, { title: c.title, unit: c.unit, yUnit: head.unit, onSelect: (b) => choose(b && { key: c.key, ...b }) }), { key: c.key });
+    });
+    if (arrays.frequency.length) {
+      const canvas = el("canvas", { "aria-label": "residual against frequency", style: "cursor:default" });
+      grid.append(el("figure", {}, el("figcaption", {}, "frequency (amplitude)"), canvas));
+      clouds.push(new Cloud(canvas, arrays.frequency, arrays.amplitude, { title: "frequency", unit: "Hz", yUnit: head.unit, log: true, line: true }));
+    }
+
+    function choose(box, remember = true) {
+      let n = 0;
+      lit.fill(NaN);
+      if (box) {
+        const x = column(box.key);
+        for (let k = 0; k < y.length; k++) {
+          mask[k] = x[k] >= box.x0 && x[k] <= box.x1 && y[k] >= box.y0 && y[k] <= box.y1 ? 1 : 0;
+          if (mask[k]) { n++; lit[k] = y[k]; }
+        }
+      }
+      clouds.forEach((c) => c.key && c.select(box ? mask : null, box && c.key === box.key && Number.isFinite(box.y0) ? box : null));
+      line.data(arrays.t, [y, lit], project.records[record].t0, project.records[record].t1);
+      count.textContent = box ? `${n.toLocaleString("en")} points selected` : "drag a box in any view";
+      count.dataset.selected = n;
+      clear.hidden = !box;
+      if (remember) state.keep({ sel: box ? [box.key, ...[box.x0, box.x1, box.y0, box.y1].map((v) => (Number.isFinite(v) ? v.toPrecision(5) : v > 0 ? "inf" : "-inf"))].join(",") : null });
+    }
+    act = choose;
+    const spans = [...bars.querySelectorAll(".coordinate")];
+    head.regime_boxes.forEach((box, k) => {
+      if (!box || !spans[k]) return;
+      spans[k].classList.add("pick");
+      spans[k].title = "show these points";
+      spans[k].addEventListener("click", () => choose({ key: box.key, x0: box.lo, x1: box.hi, y0: -Infinity, y1: Infinity }));
+    });
+    const [key, ...edges] = state.list("sel");
+    const number = (s) => (s === "inf" ? Infinity : s === "-inf" ? -Infinity : Number(s));
+    const known = key && edges.length === 4 && column(key);
+    choose(known ? { key, x0: number(edges[0]), x1: number(edges[1]), y0: number(edges[2]), y1: number(edges[3]) } : null, false);
+    return null;
+  });
+  return { keys: (e) => e.key === "Escape" && act(null), destroy() { clouds.forEach((c) => c.destroy()); line?.destroy(); } };
+}

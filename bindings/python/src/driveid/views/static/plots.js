@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: Apache-2.0
+// Time plots with uPlot: one look for all pages, one cursor for plots that belong together, zoom that asks for detail.
+/* global uPlot */
+
+import { colour } from "./dom.js";
+import { scaleOf } from "./units.js";
+
+const FONT = "11px system-ui, 'Segoe UI', Roboto, 'DejaVu Sans', sans-serif";
+
+function extent(arrays, from, to) {
+  let lo = Infinity, hi = -Infinity;
+  for (const a of arrays) for (let k = from; k < to; k++) { const v = a[k]; if (v < lo) lo = v; if (v > hi) hi = v; }
+  return lo <= hi ? [lo, hi] : [0, 1];
+}
+
+/** Fewest decimals that write a step without rounding it. */
+export function decimals(step) {
+  for (let d = 0; d < 9; d++) if (Math.abs(step * 10 ** d - Math.round(step * 10 ** d)) < 1e-6 * Math.max(1, step * 10 ** d)) return d;
+  return 9;
+}
+
+function axis(title, unit, size, side) {
+  let divisor = 1, words = unit;
+  return {
+    stroke: () => colour("soft"), font: FONT, labelFont: FONT, size, labelSize: title ? (side === 3 ? 16 : 15) : 0, labelGap: 0, gap: 3,
+    grid: { stroke: () => colour("line"), width: 1 }, ticks: { show: false }, side, space: side === 3 ? 26 : 70,
+    label: title,
+    splits: undefined,
+    values: (u, splits) => {
+      const top = Math.max(...splits.map(Math.abs));
+      [divisor, words] = scaleOf(top, unit);
+      const step = splits.length > 1 ? Math.abs(splits[1] - splits[0]) / divisor : 1;
+      const digits = decimals(step);
+      const own = u.axes.find((a) => a.side === side);
+      const label = title && words ? `${title} / ${words}` : title;
+      if (own && own.label !== label) own.label = label;
+      return splits.map((v) => (v / divisor).toFixed(digits).replace("-", "−"));
+    },
+  };
+}
+
+/** series: [{name, colour, width, dash, points}], all of one unit. options: {title, unit, height, timeAxis, sync, onZoom, band}. */
+export class TimePlot {
+  constructor(place, series, options) {
+    this.place = place;
+    this.options = options;
+    const lines = series.map((s) => ({
+      label: s.name, stroke: () => colour(s.colour), width: s.width ?? 1.2, dash: s.dash, points: { show: Boolean(s.points), size: 4, fill: () => colour(s.colour) },
+      paths: s.points ? () => null : undefined, spanGaps: false,
+    }));
+    this.plot = new uPlot({
+      width: Math.max(place.clientWidth, 80), height: options.height, legend: { show: false }, ms: 1e-3,
+      cursor: { drag: { x: Boolean(options.onZoom), y: false, setScale: true, dist: 5 }, sync: options.sync ? { key: options.sync, scales: ["x", null] } : undefined, points: { size: 5 }, x: true, y: false },
+      scales: { x: { time: false }, y: { range: (u, lo, hi) => this.range(lo, hi) } },
+      padding: [6, 12, 0, 0],
+      axes: [options.timeAxis === false ? { ...axis("", "", 6, 2), values: (u, splits) => splits.map(() => "") } : axis("time", "s", 18, 2), axis(options.title, options.unit, 46, 3)],
+      series: [{}, ...lines],
+      hooks: { setScale: [(u, key) => key === "x" && this.zoomed(u)], draw: [() => { this.draws = (this.draws || 0) + 1; }], setSelect: [() => { this.byHand = true; }] },
+    }, [[0], ...series.map(() => [0])], place);
+    this.resize = new ResizeObserver(() => {
+      const width = Math.floor(place.clientWidth);
+      if (width > 60 && Math.abs(width - this.plot.width) > 1) this.plot.setSize({ width, height: options.height });
+    });
+    this.resize.observe(place);
+  }
+
+  range(lo, hi) {
+    if (!Number.isFinite(lo) || !Number.isFinite(hi)) return [0, 1];
+    const air = hi > lo ? 0.06 * (hi - lo) : Math.abs(hi) * 0.1 || 1;
+    return [lo - air, hi + air];
+  }
+
+  /** Values whole; x range stays what it is unless given. */
+  data(t, values, begin = t[0], end = t[t.length - 1]) {
+    this.setting = true;
+    this.plot.batch(() => {
+      this.plot.setData([t, ...values], false);
+      const [lo, hi] = extent(values, 0, t.length);
+      this.plot.setScale("x", { min: begin, max: end });
+      this.plot.setScale("y", { min: lo, max: hi });
+    });
+    this.setting = false;
+  }
+
+  zoomed(u) {
+    if (this.setting || !this.byHand || !this.options.onZoom) return;
+    this.byHand = false;
+    this.options.onZoom(u.scales.x.min, u.scales.x.max);
+  }
+
+  destroy() {
+    this.resize.disconnect();
+    this.plot.destroy();
+  }
+}
+
+/** Wheel, arrows, + and - move a window of time; the caller asks for the data. */
+export function navigate(element, view) {
+  const { full, now, set } = view;
+  const move = (a, b) => {
+    const [f0, f1] = full();
+    const span = Math.min(Math.max(b - a, (f1 - f0) * 1e-6), f1 - f0);
+    const begin = Math.min(Math.max(a, f0), f1 - span);
+    set(begin, begin + span);
+  };
+  const zoom = (factor, at = 0.5) => { const [a, b] = now(); const c = a + at * (b - a); move(c - (c - a) * factor, c + (b - c) * factor); };
+  const pan = (part) => { const [a, b] = now(); move(a + part * (b - a), b + part * (b - a)); };
+  const wheel = (event) => {
+    if (!event.ctrlKey && !event.shiftKey && !event.altKey && Math.abs(event.deltaY) < Math.abs(event.deltaX)) return;
+    event.preventDefault();
+    const box = element.getBoundingClientRect();
+    if (event.shiftKey) pan(Math.sign(event.deltaY) * 0.15);
+    else zoom(event.deltaY > 0 ? 1.25 : 0.8, Math.min(1, Math.max(0, (event.clientX - box.left - 72) / (box.width - 94))));
+  };
+  element.addEventListener("wheel", wheel, { passive: false });
+  const keys = { ArrowLeft: () => pan(-0.25), ArrowRight: () => pan(0.25), "+": () => zoom(0.5), "=": () => zoom(0.5), "-": () => zoom(2), 0: () => set(...full()) };
+  return (event) => { if (keys[event.key]) { event.preventDefault(); keys[event.key](); } };
+}

@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Live page: what the gateway says, pushed to the browser as binary frames, each drawn before the next is sent."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import time
+
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from .. import units
+from ..feed import Feed, NotConnected
+from ..gateway import STATES, Gateway, bus_rows, lamp
+from .wire import pack
+
+PERIOD_S = 0.04  # 25 pictures a second at most; the browser's word after each picture paces it
+
+
+def panel(gateway: Gateway) -> dict:
+    """Everything of the live page that is words and numbers."""
+    drives = []
+    for drive in gateway.drives.values():
+        words, kind = STATES.get(drive.get("state", ""), (drive.get("state") or "unknown", "soft"))
+        lamp_kind, lamp_words = lamp(drive)
+        if not gateway.connected:
+            words, kind, lamp_kind, lamp_words = "not seen", "soft", "soft", "the gateway is away"
+        drives.append({
+            "name": drive["name"], "structure": str(drive.get("structure", "")).replace("_", " "), "method": drive.get("method", ""),
+            "state": words, "kind": kind, "lamp": lamp_kind, "lamp_words": lamp_words, "missing": drive.get("missing") or "",
+            "rates": rates(drive), "parameters": [p | {"html": units.symbol_html(p["name"]), "trend": p["trend"][-80:]} for p in gateway.rows(drive)]})
+    return {"connected": gateway.connected, "trouble": gateway.trouble, "since_s": round(time.monotonic() - gateway.changed, 1), "address": gateway.address,
+            "write": bool(gateway.hello.get("write")), "version": gateway.hello.get("version", ""), "recording": gateway.recording, "lost": gateway.lost,
+            "drives": drives, "buses": bus_rows(gateway.status), "events": list(gateway.events)[-40:]}
+
+
+def rates(drive: dict) -> str:
+    if "samples" not in drive:
+        return ""
+    jitter = units.number((drive.get("jitter_ns") or 0) * 1e-9, "s", 3)
+    first = drive.get("time_to_first_trusted_s")
+    trusted = f", first trusted estimate after {units.number(first, 's', 2)}" if first is not None else ""
+    return (f"{units.number(drive.get('rate_Hz'), 'Hz', 4)}, jitter {jitter}, {drive.get('dropped', 0)} dropped, {drive.get('gaps', 0)} gaps, "
+            f"{drive.get('restarts', 0)} restarts{trusted}")
+
+
+class Live:
+    """One connection to the gateway, shared by all live pages; opened when the first page looks and kept."""
+
+    def __init__(self, socket: str) -> None:
+        self.gateway = Gateway()
+        self.feed = Feed(socket, self.gateway, ("estimate", "sample", "event", "status"))
+        self._task: asyncio.Task | None = None
+
+    def ensure(self) -> None:
+        if self._task is None or self._task.done():
+            self._task = asyncio.create_task(self.feed.run())
+
+    async def stop(self) -> None:
+        if self._task:
+            self._task.cancel()
+            with contextlib.suppress(asyncio.CancelledError):
+                await self._task
+
+    async def serve(self, socket: WebSocket) -> None:
+        await socket.accept()
+        self.ensure()
+        drawn = asyncio.Event()
+        drawn.set()
+        wish: dict = {"drive": socket.query_params.get("drive", ""), "sent": -1}
+        listening = asyncio.create_task(self._listen(socket, drawn, wish))
+        try:
+            await self._push(socket, drawn, wish)
+        except (WebSocketDisconnect, RuntimeError):
+            pass
+        finally:
+            listening.cancel()
+            with contextlib.suppress(asyncio.CancelledError, WebSocketDisconnect, RuntimeError):
+                await listening
+
+    async def _push(self, socket: WebSocket, drawn: asyncio.Event, wish: dict) -> None:
+        words_at = 0.0
+        while True:
+            await asyncio.wait_for(drawn.wait(), 30.0)
+            drawn.clear()
+            begin = time.monotonic()
+            head: dict = {}
+            if begin - words_at >= 0.25:
+                head["panel"], words_at = panel(self.gateway), begin
+            await socket.send_bytes(self._picture(head, wish))
+            await asyncio.sleep(max(0.0, PERIOD_S - (time.monotonic() - begin)))
+
+    def _picture(self, head: dict, wish: dict) -> bytes:
+        window = self.gateway.windows.get(wish["drive"] or next(iter(self.gateway.windows), ""))
+        if window is None:
+            return pack(head, {})
+        window.flush()
+        if wish.get("names") != window.names or window.head < wish["sent"]:
+            wish["sent"], wish["names"] = -1, list(window.names)
+        first, values = window.since(wish["sent"])
+        wish["sent"] = window.head  # the newest bucket is still being filled: it is sent again
+        names = [{"name": n, "symbol": units.symbol(n), "unit": units.split_name(n)[1]} for n in window.names]
+        head |= {"first": first, "count": int(values.shape[1]), "buckets": window.buckets, "bucket_s": window.bucket_ns * 1e-9, "signals": names}
+        return pack(head, {"values": values})
+
+    async def _listen(self, socket: WebSocket, drawn: asyncio.Event, wish: dict) -> None:
+        while True:
+            text = await socket.receive_text()
+            if text == "drawn":
+                drawn.set()
+                continue
+            message = json.loads(text)
+            if "drive" in message:
+                wish.update(drive=str(message["drive"]), sent=-1)
+            try:
+                if message.get("cmd") == "record":
+                    name = "" if self.gateway.recording else time.strftime("workbench-%Y%m%d-%H%M%S.drec")
+                    self.gateway.note("info", "record", await self.feed.record(name))
+                elif message.get("cmd") == "mark":
+                    await self.feed.mark(str(message.get("text", ""))[:200])
+            except NotConnected as error:
+                self.gateway.note("warning", message["cmd"], str(error))

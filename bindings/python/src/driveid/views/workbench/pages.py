@@ -1,0 +1,213 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What each page of the workbench shows, as JSON with ready pieces of HTML. Called in a background thread."""
+
+from __future__ import annotations
+
+from html import escape
+
+import numpy as np
+
+from .. import model as view
+from .. import pieces, units
+from ..clouds import Coordinate, coordinates, spectrum
+from ..decimate import Pyramid, trace
+from ..series import Series
+from .engine import Chain, Engine, Trouble
+from .jobs import Progress
+from .projects import Project
+
+CLOUD_POINTS = 6000
+
+# Coordinate in which an effect shows best.
+_SHOWN_OVER = {
+    "cogging": "turn", "torque_ripple": "turn", "gravity_unbalance": "turn", "eccentric_friction": "turn", "encoder_eccentricity": "turn",
+    "load_dependent_friction": "current", "torque_saturation": "current", "current_offset": "current", "dead_zone": "current", "dead_time_voltage": "current",
+    "inertia_change": "t_s", "friction_drift": "t_s", "resistance_drift": "t_s", "delay": "acceleration", "compliance": "acceleration", "backlash": "acceleration",
+    "hysteresis": "position",
+}
+
+
+def project_page(engine: Engine, project: Project, chain: Chain) -> dict:
+    """Name, model and records: cheap, shown at once."""
+    runs = engine.records(project)
+    model = view.Model.of(project.model_toml)
+    return {"id": project.id, "name": project.name, "structure": model.structure.replace("_", " "), "effects": [{"name": e, "title": view.effect_title(e)} for e in model.effects],
+            "chain": [{"name": e, "title": view.effect_title(e)} for e in chain], "others": [name for name, _ in project.others],
+            "records": [{"name": r.name, "role": role.replace("_", " "), "rows": r.rows, "span": units.duration(float(r.t_s[-1]) if r.rows else 0.0), "t0": 0.0,
+                         "t1": float(r.t_s[-1]) if r.rows else 1.0, "notices": list(r.notices)} for role, r in runs],
+            "signals": [{"name": n, "symbol": units.symbol(n), "unit": units.split_name(n)[1]} for n in (runs[0][1].columns if runs else [])]}
+
+
+def _chain_name(chain: Chain) -> str:
+    return "+ " + view.effect_title(chain[-1]) if chain else "first model"
+
+
+def compare_page(engine: Engine, project: Project, chain: Chain, record: int, tell: Progress) -> dict:
+    doc = view.document(engine.compared(project, chain, tell))
+    series = engine.series(project, chain, record, tell)
+    pairs = [{"name": p.key, "title": p.title, "unit": p.unit, "symbol": p.symbol} for p in series.pairs()]
+    return {"errors": side_by_side(doc), "tests": pieces.tests(doc.tests), "notices": doc.notices, "pairs": pairs, "model": doc.model.title}
+
+
+def side_by_side(doc: view.Document) -> str:
+    """Training and held-out errors in neighbouring columns."""
+    sides = sides_of(doc)
+    rows = []
+    for kind, words in view.ERROR_KINDS.items():
+        errors = [s.by_kind.get(kind) for s in sides.values()]
+        if not any(errors):
+            continue
+        some = next(e for e in errors if e)
+        rows.append([f"{escape(words)} ({units.symbol_html(some.signal)})" if some.signal else escape(words), *[pieces.error_text(e) for e in errors], pieces.floor_text(some)])
+    return pieces.table(["error", *[escape(name) for name in sides], "noise floor"], rows) if rows else '<p class="soft">No error yet.</p>'
+
+
+def sides_of(doc: view.Document) -> dict[str, view.ErrorSet]:
+    """Error sets under ``training`` and ``held out``: the document's own, else the last record of each role."""
+    found = {name.split(",")[0]: errors for name, errors in doc.errors if name in ("training, before", "held out, before")}
+    if found:
+        return found
+    roles = {r.name: r.role or "training" for r in doc.records}
+    out: dict[str, view.ErrorSet] = {}
+    for name, errors in doc.errors:
+        out[roles.get(name, name)] = errors
+    return out
+
+
+def signal_trace(engine: Engine, project: Project, record: int, names: list[str], begin: float, end: float, pixels: int) -> tuple[dict, dict]:
+    """Measured signals as they are in the record."""
+    run = engine.records(project)[record][1]
+    t, pyramids = run_pyramids(engine, project, record)
+    known = [n for n in names if n in pyramids] or list(run.columns)
+    times, rows = trace(t, [pyramids[n] for n in known], begin, end, pixels)
+    return {"names": known, "units": [units.split_name(n)[1] for n in known], "symbols": [units.symbol(n) for n in known]}, {"t": times, **dict(zip(known, rows, strict=True))}
+
+
+class RunPyramids(dict):
+    """Pyramids of one record; knows its size for the memory limit."""
+
+    @property
+    def nbytes(self) -> int:
+        return sum(p.samples.nbytes // 16 for p in self.values())
+
+
+def run_pyramids(engine: Engine, project: Project, record: int) -> tuple[np.ndarray, RunPyramids]:
+    run = engine.records(project)[record][1]
+
+    def build() -> tuple[np.ndarray, RunPyramids]:
+        return run.t_s, RunPyramids({n: Pyramid(np.asarray(v, dtype=float)) for n, v in run.columns.items()})
+
+    return engine.jobs.once((project.id, "pyramids", record), build)
+
+
+def pair_trace(engine: Engine, project: Project, chains: list[Chain], others: list[int], record: int, pair: str, begin: float, end: float, pixels: int,
+               tell: Progress) -> tuple[dict, dict]:
+    """Measured, each model's prediction and each residual of one signal."""
+    found = [(_chain_name(c), engine.series(project, c, record, tell)) for c in chains]
+    found += [(project.others[n][0], engine.other_series(project, n, record, tell)) for n in others if n < len(project.others)]
+    if not found:
+        raise Trouble("choose at least one model")
+    arrays: dict[str, np.ndarray] = {}
+    names = []
+    for k, (name, series) in enumerate(found):
+        match = next((p for p in series.pairs() if p.key == pair), None) or next(iter(series.pairs()), None)
+        if match is None:
+            raise Trouble("this record has no signal that the model predicts")
+        t, rows = trace(series.t_s, [series.pyramid(match.measured_name), series.pyramid(match.model_name), series.residual_pyramid(match)], begin, end, pixels)
+        if k == 0:
+            arrays |= {"t": t, "measured": rows[0]}
+            symbol, unit, title = match.symbol, match.unit, match.title
+        arrays |= {f"model{k}": rows[1], f"residual{k}": rows[2]}
+        names.append(name)
+    return {"symbol": symbol, "unit": units.pretty_unit(unit), "title": title, "models": names}, arrays
+
+
+def cloud_page(engine: Engine, project: Project, chain: Chain, record: int, tell: Progress) -> tuple[dict, dict]:
+    """Residual of the equation against everything it may depend on, thinned to some thousand points that all views share."""
+    series = engine.series(project, chain, record, tell)
+    residual = series.balance()
+    if residual is None:
+        raise Trouble("this record gives no residual: the model predicts none of its signals")
+    doc = view.document(engine.compared(project, chain, tell))
+    regimes = _regimes(engine, project, chain, doc, tell)
+    known = coordinates(series)
+    finite = np.flatnonzero(np.isfinite(residual.values))
+    if finite.size == 0:
+        raise Trouble("the residual has no finite value: look at the notices of the record")
+    keep = finite[np.unique(np.linspace(0, finite.size - 1, min(CLOUD_POINTS, finite.size)).astype(int))]
+    frequency, amplitude = spectrum(series.t_s, residual.values)
+    arrays = {"t": series.t_s[keep], "residual": residual.values[keep]}
+    arrays |= {c.key: c.values[keep] for c in known if c.key != "t_s"} | {"frequency": frequency, "amplitude": amplitude}
+    head = {"unit": units.pretty_unit(residual.unit), "coordinates": [{"key": c.key, "title": c.title, "unit": c.unit} for c in known],
+            "regimes": pieces.regimes(regimes), "regime_boxes": [_box(r, known) for r in regimes[:10]], "points": int(keep.size), "rows": len(series.t_s)}
+    return head, arrays
+
+
+def _regimes(engine: Engine, project: Project, chain: Chain, doc: view.Document, tell: Progress) -> list[view.Regime]:
+    return doc.regimes or view.document(engine.explained(project, chain, tell)).regimes
+
+
+def _box(regime: view.Regime, known: list[Coordinate]) -> dict | None:
+    """The cloud and range that a regime stands for, so that a click on it selects its points."""
+    keys = {"omega_rad_s": "speed", "v_m_s": "speed", "theta_rad": "turn", "x_m": "position", "i_q_A": "current", "i_A": "current", "tau_Nm": "current", "F_N": "current", "T_degC": "temperature"}
+    key = keys.get(regime.coordinate, regime.coordinate)
+    if regime.lo is None or key not in {c.key for c in known}:
+        return None
+    return {"key": key, "lo": regime.lo, "hi": regime.hi}
+
+
+def missing_page(engine: Engine, project: Project, chain: Chain, tell: Progress) -> dict:
+    doc = view.document(engine.explained(project, chain, tell))
+    answer = doc.answer
+    if answer is None:
+        raise Trouble("the library gave no verdict")
+    return {"verdict": answer.verdict, "html": pieces.answer(answer, doc.notices), "candidates": [_card(c, answer) for c in answer.accepted + answer.rejected[:6]],
+            "rejected": pieces.candidate_rows(answer.rejected), "next": pieces.next_record(answer.next_record) if answer.next_record else "",
+            "shape": pieces.shape(answer.shape) if answer.shape else ""}
+
+
+def _card(candidate: view.Candidate, answer: view.Answer) -> dict:
+    ties = [{"name": t, "title": view.effect_title(t)} for t in candidate.ties]
+    values = "; ".join(f"{units.symbol_html(p.name)} = {escape(p.text)}" for p in candidate.parameters)
+    return {"effect": candidate.effect, "title": candidate.title, "accepted": candidate in answer.accepted, "share": units.percent(candidate.share),
+            "confidence": units.percent(candidate.confidence) if candidate.confidence is not None else "", "parameters": values, "ties": ties, "why": candidate.why}
+
+
+def evidence(engine: Engine, project: Project, chain: Chain, effect: str, record: int, tell: Progress) -> dict:
+    """What the effect predicts of the residual, drawn over the measured one."""
+    before = engine.series(project, chain, record, tell)
+    after = engine.series(project, (*chain, effect), record, tell)
+    old, new = before.balance(), after.balance()
+    if old is None or new is None:
+        return {"html": '<p class="soft">This record gives no residual to draw.</p>'}
+    known = {c.key: c for c in coordinates(before)}
+    at = known.get(_SHOWN_OVER.get(effect, "speed")) or known.get("speed") or known["t_s"]
+    predicted = old.values - new.values
+    plot = pieces.cloud(at.values, old.values, at.title, at.unit, units.pretty_unit(old.unit), predicted)
+    legend = '<div class="legend"><span class="residual">residual</span><span class="measured">its mean</span><span class="predicted">what the effect says</span></div>'
+    return {"html": legend + plot}
+
+
+def stairs_page(engine: Engine, project: Project, chain: Chain, kind: str, tell: Progress) -> dict:
+    steps, first = [], None
+    for k in range(len(chain) + 1):
+        tell(k / (len(chain) + 1), f"comparing {_chain_name(chain[:k])}")
+        doc = view.document(engine.compared(project, chain[:k], tell))
+        first = first or doc
+        sides = sides_of(doc)
+        steps.append(view.Step(chain[k - 1] if k else "", sides.get("training", view.ErrorSet()), sides.get("held out", view.ErrorSet())))
+    kinds = [k for k in view.ERROR_KINDS if all(k in s.training.by_kind or k in s.held_out.by_kind for s in steps)]
+    kind = kind if kind in kinds else pieces.staircase_kind(steps) or ""
+    before = {p.name: p for p in view.Model.of(engine.model_toml(project, (), tell)).parameters}
+    after = view.Model.of(engine.model_toml(project, chain, tell)).parameters
+    numbers = [{"effect": s.effect, "training": _value(s.training, kind), "held_out": _value(s.held_out, kind)} for s in steps]
+    return {"staircase": pieces.staircase(steps, kind or None), "kind": kind, "kinds": [{"name": k, "title": view.ERROR_KINDS[k]} for k in kinds], "steps": numbers,
+            "parameters": pieces.parameters(after, before if chain else None)}
+
+
+def _value(errors: view.ErrorSet, kind: str) -> float | None:
+    return errors.by_kind[kind].rmse if kind in errors.by_kind else None
+
+
+def report_series(engine: Engine, project: Project, chain: Chain, tell: Progress) -> list[Series]:
+    return [engine.series(project, chain, k, tell) for k in range(min(len(engine.records(project)), 3))]
