@@ -92,7 +92,7 @@ class _Layout:
     def split(self, line: str) -> list[str]:
         if self.delimiter is None:
             return line.split()
-        return [f.strip() for f in next(csv.reader([line], delimiter=self.delimiter), [])]
+        return [f.strip() for f in next(csv.reader([line], delimiter=self.delimiter, skipinitialspace=True), [])]
 
 
 def _delimiter(lines: list[str]) -> str | None:

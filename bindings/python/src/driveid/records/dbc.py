@@ -58,11 +58,12 @@ def table_from_frames(path: Path, digest: str, frames: Frames, dbc: list[Path], 
     if not dbc:
         ids = ", ".join(f"{i & 0x1FFFFFFF:X} ({len(s)})" for i, s in sorted(frames.stamps.items())[:12])
         raise UsageError(f"{path}: frames need a database: --dbc FILE.dbc. Identifiers in the log: {ids}")
-    tracks = decode(frames, load_dbc(dbc), path)
+    tracks = decode(frames, load_dbc(dbc), path, maps)
     return align(path, digest, tracks, maps, frames.tell())
 
 
-def decode(frames: Frames, database, path: Path) -> list[Track]:
+def decode(frames: Frames, database, path: Path, maps: dict[str, Source]) -> list[Track]:
+    angles = _angles(database, maps)
     tracks: list[Track] = []
     for message in database.messages:
         can_id = message.frame_id | (EFF if message.is_extended_frame else 0)
@@ -70,7 +71,7 @@ def decode(frames: Frames, database, path: Path) -> list[Track]:
             continue
         t_ns, data, lengths = frames.of(can_id)
         for signal in message.signals:
-            track = _track(message, signal, t_ns, data, lengths)
+            track = _track(message, signal, t_ns, data, lengths, {signal.name, f"{message.name}.{signal.name}"} & angles)
             if len(track.t_ns):
                 tracks.append(track)
     if not tracks:
@@ -80,7 +81,20 @@ def decode(frames: Frames, database, path: Path) -> list[Track]:
     return tracks
 
 
-def _track(message, signal, t_ns, data, lengths) -> Track:
+def _angles(database, maps: dict[str, Source]) -> set[str]:
+    """Names of the counters that run over: the map or their own name or unit calls them a position."""
+    found = [(m, s) for m in database.messages for s in m.signals]
+    names = [s.name for _, s in found] + [f"{m.name}.{s.name}" for m, s in found]
+    out = {s.name for _, s in found if s.name in _ANGLES or signal_of(s.name, s.unit) in _ANGLES or "counts" in (s.unit or "")}
+    for name in set(maps) & set(_ANGLES):
+        try:
+            out.add(maps[name].resolve(names)[0])
+        except UsageError:
+            continue  # told when the table is made
+    return out
+
+
+def _track(message, signal, t_ns, data, lengths, position) -> Track:
     little = signal.byte_order == "little_endian"
     raw, ok = extract(data, lengths, signal.start, signal.length, little, signal.is_signed and not signal.is_float)
     if signal.multiplexer_ids is not None and signal.multiplexer_signal is not None:
@@ -92,9 +106,8 @@ def _track(message, signal, t_ns, data, lengths) -> Track:
     if signal.is_float:
         values = _floats(raw, signal.length)
     else:
-        if signal_of(signal.name, signal.unit) in _ANGLES or signal.name in _ANGLES or "counts" in (signal.unit or ""):
-            if signal.length < 63:
-                raw = unwrap(raw, 1 << signal.length)
+        if position and signal.length < 63:
+            raw = unwrap(raw, 1 << signal.length)
         values = raw.astype(np.float64)
         if not signal.is_signed and signal.length == 64:
             values = raw.view(np.uint64).astype(np.float64)

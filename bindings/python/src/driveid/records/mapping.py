@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 from .._core import SIGNALS
 from ..errors import UsageError, close_names
-from ..units import conversion
 
 TIMES = ("t_s", "t_ns")
 
@@ -49,7 +48,6 @@ def parse_maps(maps: Iterable[str] | Mapping[str, str] | None) -> dict[str, Sour
         if not text.strip("- "):
             raise UsageError(f"--map {name}= names no column. Write --map {name}=COLUMN or --map {name}=COLUMN:UNIT")
         out[name] = Source(name, text)
-        _check_unit(out[name])
     if "t_s" in out and "t_ns" in out:
         raise UsageError("--map t_s and --map t_ns are both given: a record has one time")
     return out
@@ -61,9 +59,3 @@ def _split(text: str) -> tuple[str, str]:
         raise UsageError(f"--map {text}: write NAME=COLUMN or NAME=COLUMN:UNIT, e.g. --map theta_rad=pos:counts/8192")
     return name.strip(), rest.strip()
 
-
-def _check_unit(source: Source) -> None:
-    """A unit that is certainly wrong is told before any file is read; a colon inside a column's name is left alone."""
-    column, colon, unit = source.text.rpartition(":")
-    if colon and column and unit and " " not in unit and "/" not in column and ":" not in column:
-        conversion(unit, source.name)
