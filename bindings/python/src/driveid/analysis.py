@@ -32,6 +32,14 @@ class Answer:
     def to_json(self) -> str:
         return json.dumps(self.document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
+    def _repr_html_(self) -> str:
+        from .views import notebook
+        return notebook.html(self.document, self.series)
+
+    def _repr_mimebundle_(self, include=None, exclude=None) -> dict[str, str]:
+        from .views import notebook
+        return notebook.bundle(self.document, self.series)
+
 
 class _WithModel(Answer):
     @property

@@ -9,7 +9,7 @@ import click
 
 from .. import __version__
 from ..errors import Cancelled, DriveidError
-from . import analyse, gateway, models, settings
+from . import analyse, gateway, models, settings, workbench
 
 EXIT_USAGE, EXIT_INTERRUPTED = 2, 130
 
@@ -28,7 +28,7 @@ def cli() -> None:
     """
 
 
-for part in (models, analyse, gateway, settings):
+for part in (models, analyse, gateway, settings, workbench):
     for command in part.COMMANDS:
         cli.add_command(command)
 

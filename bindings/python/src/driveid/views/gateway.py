@@ -63,7 +63,7 @@ class Window:
             self.head = newest
         keep = number > self.head - self.buckets
         slot = number[keep] % self.buckets
-        for name in {n for _, values in pending for n in values}:
+        for name in dict.fromkeys(n for _, values in pending for n in values):
             row = self._row(name)
             value = np.array([values.get(name, np.nan) for _, values in pending], dtype=np.float32)[keep]
             np.fmin.at(self.lo[row], slot, value)

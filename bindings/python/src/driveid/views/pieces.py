@@ -169,7 +169,7 @@ def staircase_kind(steps: list[Step]) -> str | None:
     return None
 
 
-def staircase(steps: list[Step], kind: str | None = None, height: int = 300) -> str:
+def staircase(steps: list[Step], kind: str | None = None, width: int = 860, height: int = 270) -> str:
     """Each added effect as a step, training and held-out side by side, down to the noise floor."""
     kind = kind or (staircase_kind(steps) if steps else None)
     if kind is None:
@@ -182,15 +182,18 @@ def staircase(steps: list[Step], kind: str | None = None, height: int = 300) -> 
     log = hi / lo > 6.0
     y = Axis(lo / 1.4, hi * 1.35, "error", known[0].unit, True) if log else Axis(0.0, hi * 1.15, "error", known[0].unit)
     marks = [(k + 0.5, ("+ " if s.effect else "") + s.title) for k, (s, _, _) in enumerate(pairs)]
-    figure = Figure(Axis(0.0, float(len(pairs))), y, height=height, label="error after each added effect", x_texts=marks, bottom=26)
+    figure = Figure(Axis(0.0, max(float(len(pairs)), 4.0)), y, width=width, height=height, label="error after each added effect", x_texts=marks, bottom=26)
     if floors:
-        figure.rect(0.0, len(pairs), max(min(f[0] for f in floors), y.lo), max(f[1] for f in floors), "floor", "noise floor")
+        figure.rect(0.0, figure.x.hi, max(min(f[0] for f in floors), y.lo), max(f[1] for f in floors), "floor", "noise floor")
     for k, (step, training, held_out) in enumerate(pairs):
         for error, a, b, cls, side in ((training, 0.16, 0.49, "train", "training"), (held_out, 0.51, 0.84, "held", "held out")):
             if error:
                 text = units.number(error.rmse, error.unit, 3)
                 figure.rect(k + a, k + b, y.lo, error.rmse, cls, f"{step.title}, {side}: {text}")
-                figure.text(k + (a + b) / 2, error.rmse, text, "strong", dy=-5)
+                figure.text(k + (a + b) / 2, error.rmse, text, "strong", dy=-6)
+    treads = [(k, e.rmse) for k, (_, a, b) in enumerate(pairs) if (e := b or a)]
+    corners = [(x, value) for k, value in treads for x in (k, k + 1)]
+    figure.line([x for x, _ in corners], [v for _, v in corners], "tread", thin=False)
     legend = '<div class="legend"><span class="box light">training</span><span class="box">held out</span><span class="box floor">noise floor</span></div>'
     return legend + figure.svg()
 

@@ -12,7 +12,7 @@ from typing import Any
 from . import model as view
 from . import pieces
 from .clouds import coordinates
-from .series import Series
+from .series import Series, as_series
 
 QUESTIONS = {
     "fit": "Which parameters make this model follow these records?",
@@ -118,5 +118,5 @@ def write_html(document: dict, path: str | Path, series: list[Any] = (), command
     series: one Series (views.series) a record, in the order in which they are shown; may be empty.
     command: the command line that reproduces it."""
     path = Path(path)
-    path.write_text(html(document, list(series), command, title), "utf-8")
+    path.write_text(html(document, [as_series(s) for s in series], command, title), "utf-8")
     return path

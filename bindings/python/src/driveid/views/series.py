@@ -110,3 +110,8 @@ class Series:
         """Residual of the equation (torque, force or voltage that the model cannot account for)."""
         residuals = [c for c in self.curves if c.what == "residual"]
         return next((c for c in residuals if "equation" in c.name), residuals[0] if residuals else None)
+
+
+def as_series(found: object) -> Series:
+    """A Series of the analysis (header and data) as one of the views."""
+    return found if isinstance(found, Series) else Series.of(found.t_s, found.header, found.data, found.record)

@@ -201,7 +201,7 @@ def stairs_page(engine: Engine, project: Project, chain: Chain, kind: str, tell:
     before = {p.name: p for p in view.Model.of(engine.model_toml(project, (), tell)).parameters}
     after = view.Model.of(engine.model_toml(project, chain, tell)).parameters
     numbers = [{"effect": s.effect, "training": _value(s.training, kind), "held_out": _value(s.held_out, kind)} for s in steps]
-    return {"staircase": pieces.staircase(steps, kind or None), "kind": kind, "kinds": [{"name": k, "title": view.ERROR_KINDS[k]} for k in kinds], "steps": numbers,
+    return {"staircase": pieces.staircase(steps, kind or None, 1000, 250), "kind": kind, "kinds": [{"name": k, "title": view.ERROR_KINDS[k]} for k in kinds], "steps": numbers,
             "parameters": pieces.parameters(after, before if chain else None)}
 
 

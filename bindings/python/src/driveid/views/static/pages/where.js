@@ -22,7 +22,7 @@ export function mount(place, { project, signal }) {
     const y = arrays.residual, mask = new Uint8Array(y.length), lit = new Float32Array(y.length).fill(NaN);
     time.append(el("div.cap", {}, el("b", {}, "residual against time"), el("span", {}, `${head.points.toLocaleString("en")} of ${head.rows.toLocaleString("en")} samples`)));
     line = new TimePlot(time, [{ name: "residual", colour: "residual", width: 1 }, { name: "selected", colour: "select", points: true }], {
-      title: "residual", unit: head.unit, height: 150, onZoom: (a, b) => choose({ key: "t_s", x0: a, x1: b, y0: -Infinity, y1: Infinity }) });
+      title: "residual", unit: head.unit, height: 118, onZoom: (a, b) => choose({ key: "t_s", x0: a, x1: b, y0: -Infinity, y1: Infinity }) });
     const column = (key) => (key === "t_s" ? arrays.t : arrays[key]);
     clouds = head.coordinates.filter((c) => c.key !== "t_s").map((c) => {
       const canvas = el("canvas", { "data-key": c.key, tabindex: "0", "aria-label": `residual against ${c.title}` });
