@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -79,3 +80,11 @@ def driveid(tmp_path):
         return done.returncode, done.stdout, done.stderr
     run.folder = tmp_path
     return run
+
+
+@pytest.fixture
+def daemon() -> str:
+    for place in (os.environ.get("DRIVEIDD"), shutil.which("driveidd"), *(Path(b) / "daemon" / "driveidd" for b in (os.environ.get("DRIVEID_BUILD", ""), TOP / "build") if b)):
+        if place and os.access(place, os.X_OK):
+            return str(place)
+    pytest.skip("SKIPPED BECAUSE driveidd is not built (set DRIVEIDD or DRIVEID_BUILD)")

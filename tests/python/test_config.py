@@ -2,13 +2,9 @@
 """Configurations for the gateway: templates and signals out of a DBC; driveidd itself is asked where it is built."""
 
 import os
-import shutil
 import tomllib
-from pathlib import Path
 
 import pytest
-
-from conftest import TOP
 
 DBC = """VERSION ""
 BU_: d
@@ -23,14 +19,6 @@ BA_DEF_DEF_ "GenMsgCycleTime" 0;
 BA_ "GenMsgCycleTime" BO_ 385 2;
 SIG_VALTYPE_ 2566844926 omega : 1;
 """
-
-
-@pytest.fixture
-def daemon() -> str:
-    for place in (os.environ.get("DRIVEIDD"), shutil.which("driveidd"), *(Path(b) / "daemon" / "driveidd" for b in (os.environ.get("DRIVEID_BUILD", ""), TOP / "build") if b)):
-        if place and os.access(place, os.X_OK):
-            return str(place)
-    pytest.skip("SKIPPED BECAUSE driveidd is not built (set DRIVEIDD or DRIVEID_BUILD)")
 
 
 @pytest.mark.parametrize("kind", ["can", "modbus", "replay"])

@@ -174,7 +174,7 @@ def ports(probe: bool = False) -> list[Port]:
     """Serial ports and CAN interfaces of this machine."""
     from serial.tools import list_ports
 
-    out = [Port(p.device, "serial", f"{p.description or ''} {p.manufacturer or ''}".strip(), f"--bus slcan:{p.device}", _probe(p.device) if probe else "")
+    out = [Port(p.device, "serial", " ".join(w for w in (p.description, p.manufacturer) if w and w != "n/a"), f"--bus slcan:{p.device}", _probe(p.device) if probe else "")
            for p in sorted(list_ports.comports())]
     net = Path("/sys/class/net")
     for interface in sorted(net.iterdir()) if net.is_dir() else []:

@@ -5,9 +5,10 @@ from __future__ import annotations
 
 import click
 from rich.table import Table
+from rich.text import Text
 
 from .. import _core, analysis
-from ..errors import UsageError
+from ..errors import UsageError, close_names
 from ..model import Model
 from ..views import units as show_units
 from .common import DriveidCommand, invoke_guard, say, stdout_console, write_document, write_model
@@ -93,23 +94,28 @@ def catalogue(effect: str | None, json_file: str | None) -> None:
         table.add_column("effect")
         table.add_column("equation")
         for e in effects:
-            table.add_row(e["name"], str(e.get("equation", "")))
+            table.add_row(e["name"], Text(e["equation"]))
         console.print(table)
         return
     names = [e["name"] for e in effects]
     if effect not in names:
-        from ..errors import close_names
         raise UsageError(f"no effect {effect!r}. {close_names(effect, names)}")
-    for key, value in effects[names.index(effect)].items():
-        console.print(f"[bold]{key}[/bold]: {_words(value)}")
+    _describe(effects[names.index(effect)], console)
 
 
-def _words(value) -> str:
-    if isinstance(value, list):
-        return "; ".join(_words(v) for v in value) or "none"
-    if isinstance(value, dict):
-        return ", ".join(f"{k} {_words(v)}" for k, v in value.items() if v not in (None, ""))
-    return str(value)
+def _describe(effect: dict, console) -> None:
+    console.print(Text(f"{effect['name']}: {effect['equation']}", style="bold"))
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for title in ("parameter", "meaning", "unit", "bounds", "typical"):
+        table.add_column(title)
+    for p in effect["parameters"]:
+        lo, hi = p["bounds"]
+        table.add_row(p["name"], p["meaning"], show_units.pretty_unit(p["unit"]), f"{lo:.4g} … {hi:.4g}", f"{p['typical']:.4g}")
+    console.print(table)
+    for key in ("signature", "contains", "confused_with", "separated_by", "literature"):
+        value = effect.get(key)
+        if value:
+            console.print(Text(f"{key.replace('_', ' ')}: {', '.join(value) if isinstance(value, list) else value}"))
 
 
 COMMANDS = [model, add, catalogue]
