@@ -125,7 +125,7 @@ json effect_objects(const Setup &s, const std::vector<std::string> &effects) {
     for (const auto &name : effects) {
         if (name == "none") continue;
         json parameters = json::array();
-        for (const auto &[key, value] : effect_parameters(name, s.drive, s.hidden)) parameters.push_back({{"name", key}, {"value", value}});
+        for (const auto &p : effect_parameters(name, s.drive, s.hidden)) parameters.push_back({{"name", p.name}, {"value", p.value}, {"torque", p.torque}});
         out.push_back({{"effect", name}, {"catalogue", find_effect(name)->catalogue}, {"parameters", parameters}});
     }
     return out;

@@ -147,33 +147,34 @@ void add_effect(const std::string &name, double size, const Drive &drive, double
     filler->second(size, drive, record_s, shape, hidden);
 }
 
-std::vector<std::pair<std::string, double>> effect_parameters(const std::string &name, const Drive &d, const Hidden &h) {
-    std::vector<std::pair<std::string, double>> out;
-    const std::string torque = d.linear ? "F" : "tau", unit = d.linear ? "_N" : "_Nm";
-    auto put = [&out](const std::string &key, double value) { out.emplace_back(key, value); };
-    if (name == "coulomb") put(torque + "_c" + unit, h.tau_c);
-    if (name == "stribeck") { put("tau_c", h.tau_c); put("tau_s", h.tau_s); put("omega_s", h.omega_s); }
-    if (name == "lugre") { put("tau_c", h.lugre_c); put("tau_s", h.lugre_s); put("omega_s", h.lugre_w); put("sigma_0", h.lugre_k); put("sigma_1", h.lugre_d); }
-    if (name == "asymmetric_friction") { put("tau_c", h.tau_c); put("asymmetry_c", h.asymmetry_c); put("asymmetry_B", h.asymmetry_B); }
-    if (name == "load_dependent_friction") put("mu", h.mu);
-    if (name == "quadratic_drag") put("c", h.drag);
-    if (name == "constant_load") put("tau_0", h.load);
-    if (name == "gravity_unbalance") { put("tau_g", h.unbalance); put("theta_0", h.unbalance_phase); }
-    if (name == "cogging") for (const auto &c : h.cogging) { put("A", c.amplitude); put("N", c.order); put("phi", c.phase); }
-    if (name == "torque_ripple") for (const auto &c : h.ripple) { put("a", c.amplitude); put("N", c.order); put("phi", c.phase); }
-    if (name == "eccentric_friction") { put("tau_c", d.coulomb + h.tau_c); put("e", h.eccentric); put("n", h.eccentric_order); put("phi", h.eccentric_phase); }
-    if (name == "backlash") { put("gap", h.gap); put("J_l", h.load_share * d.J); put("k", h.spring); put("d", h.spring_damper); }
-    if (name == "compliance") { put("J_l", h.load_share * d.J); put("J_m", (1 - h.load_share) * d.J); put("k", h.spring); put("d", h.spring_damper); }
-    if (name == "delay") put("delay_s", h.delay_s);
-    if (name == "torque_saturation") put("i_sat_A", h.i_saturation);
-    if (name == "resistance_drift") { put("heat_rise_K", h.heat_rise); put("heat_tau_s", h.heat_tau_s); }
-    if (name == "dead_time_voltage") put("V_d_V", h.dead_voltage);
-    if (name == "current_offset") put("i_0_A", h.current_offset);
-    if (name == "encoder_eccentricity") { put("e_rad", h.encoder_amplitude); put("phi", h.encoder_phase); }
-    if (name == "inertia_change") { put("dJ", h.inertia_step); put("t_s", h.inertia_at_s); }
-    if (name == "friction_drift") { put("share", h.friction_drift); put("tau_s", h.friction_drift_tau_s); }
-    if (name == "hysteresis") { put("tau_h", h.dahl); put("span", h.dahl_span); }
-    if (name == "dead_zone") put("threshold", h.dead_zone);
+std::vector<TrueParameter> effect_parameters(const std::string &name, const Drive &d, const Hidden &h) {
+    std::vector<TrueParameter> out;
+    auto torque = [&out](const char *key, double value) { out.push_back({key, value, true}); };
+    auto plain = [&out](const char *key, double value) { out.push_back({key, value, false}); };
+    const double J_l = h.load_share * d.J;
+    if (name == "coulomb") torque("tau_c", h.tau_c);
+    if (name == "stribeck") { torque("tau_c", h.tau_c); torque("tau_s", h.tau_s); plain("omega_s", h.omega_s); }
+    if (name == "lugre") { torque("tau_c", h.lugre_c); torque("tau_s", h.lugre_s); plain("omega_s", h.lugre_w); torque("sigma_0", h.lugre_k); torque("sigma_1", h.lugre_d); }
+    if (name == "asymmetric_friction") { torque("tau_c_pos", h.tau_c + h.asymmetry_c); torque("tau_c_neg", h.tau_c - h.asymmetry_c); torque("dB", h.asymmetry_B); }
+    if (name == "load_dependent_friction") plain("mu", h.mu);
+    if (name == "quadratic_drag") torque("c", h.drag);
+    if (name == "constant_load") torque("tau_0", h.load);
+    if (name == "gravity_unbalance") { torque("tau_g", h.unbalance); plain("theta_0", h.unbalance_phase); }
+    if (name == "cogging" && !h.cogging.empty()) { torque("A", h.cogging[0].amplitude); plain("N", h.cogging[0].order); plain("phi", h.cogging[0].phase); }
+    if (name == "torque_ripple" && !h.ripple.empty()) { plain("a", h.ripple[0].amplitude); plain("N", h.ripple[0].order); plain("phi", h.ripple[0].phase); }
+    if (name == "eccentric_friction") { torque("tau_c", d.coulomb + h.tau_c); plain("e", h.eccentric); plain("n", h.eccentric_order); plain("phi", h.eccentric_phase); }
+    if (name == "backlash") { plain("gap", h.gap); torque("J_l", J_l); torque("k", h.spring); torque("d", h.spring_damper); }
+    if (name == "compliance") { torque("J_l", J_l); torque("k", h.spring); torque("d", h.spring_damper); }
+    if (name == "delay") plain("T_d", h.delay_s);
+    if (name == "torque_saturation") plain("i_sat", h.i_saturation);
+    if (name == "resistance_drift") { plain("heat_rise", h.heat_rise); plain("T_th", h.heat_tau_s); }
+    if (name == "dead_time_voltage") plain("V_d", h.dead_voltage);
+    if (name == "current_offset") plain("i_0", h.current_offset);
+    if (name == "encoder_eccentricity") { plain("a", h.encoder_amplitude); plain("phi", h.encoder_phase); }
+    if (name == "inertia_change") { torque("dJ", h.inertia_step); plain("t_step", h.inertia_at_s); }
+    if (name == "friction_drift") { torque("dtau_c", h.friction_drift * d.coulomb); torque("dB", h.friction_drift * d.B); plain("T_w", h.friction_drift_tau_s); }
+    if (name == "hysteresis") { torque("tau_h", h.dahl); plain("theta_h", h.dahl_span); }
+    if (name == "dead_zone") torque("u_d", h.dead_zone);
     return out;
 }
 

@@ -24,7 +24,9 @@ const EffectEntry *find_effect(const std::string &name);
 // Adds an effect of a size (1 is about the largest a maintained machine shows) to hidden. Throws std::invalid_argument for an unknown name.
 void add_effect(const std::string &name, double size, const Drive &drive, double record_s, std::uint64_t seed, Hidden &hidden);
 
-// True parameters of the effect in the published words, SI, for the truth file.
-std::vector<std::pair<std::string, double>> effect_parameters(const std::string &name, const Drive &drive, const Hidden &hidden);
+// True parameters of the effect in the published symbols, SI, for the truth file. Those that scale with the torque are marked:
+// whoever is given a wrong K_t, or none, sees them scaled.
+struct TrueParameter { std::string name; double value; bool torque; };
+std::vector<TrueParameter> effect_parameters(const std::string &name, const Drive &drive, const Hidden &hidden);
 
 }  // namespace sim

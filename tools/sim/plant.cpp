@@ -19,6 +19,13 @@ void Plant::set_hidden(const Hidden &hidden) {
     if (past_.size() != length) { past_.assign(length, electric_torque()); head_ = 0; }
 }
 
+// How far the machine has warmed up, 0 to 1: friction drifts with it, and a sensor shows it.
+double Plant::warming() const { return 1 - std::exp(-s_.t / x_.friction_drift_tau_s); }
+
+double Plant::temperature() const {
+    return 25.0 + s_.heat + 0.6 * s_.warm + (x_.friction_drift != 0 ? 30.0 * warming() : 0.0);
+}
+
 double Plant::encoder() const {
     return s_.q + x_.encoder_amplitude * std::sin(s_.q + x_.encoder_phase);
 }
@@ -45,7 +52,7 @@ double Plant::drive_torque() {
 }
 
 double Plant::smooth(double q, double w) const {
-    const double drift = 1 + x_.friction_drift * (1 - std::exp(-s_.t / x_.friction_drift_tau_s));
+    const double drift = 1 + x_.friction_drift * warming();
     double torque = (d_.B + (w > 0 ? x_.asymmetry_B : -x_.asymmetry_B)) * w * drift;
     torque += x_.drag * std::fabs(w) * w + x_.load;
     if (x_.unbalance != 0) torque += x_.unbalance * std::sin(q - x_.unbalance_phase);
@@ -65,7 +72,7 @@ double Plant::dry_level(double w, int direction) const {
     double level = d_.coulomb + x_.tau_c;
     if (x_.tau_s > x_.tau_c) { const double r = w / x_.omega_s; level += (x_.tau_s - x_.tau_c) * std::exp(-r * r); }
     if (x_.eccentric != 0) level *= 1 + x_.eccentric * std::cos(x_.eccentric_order * s_.q + x_.eccentric_phase);
-    level *= 1 + x_.friction_drift * (1 - std::exp(-s_.t / x_.friction_drift_tau_s));
+    level *= 1 + x_.friction_drift * warming();
     level += direction * x_.asymmetry_c + x_.mu * std::fabs(torque_);
     if (x_.warm_spot > 0) level += x_.warm_spot * (1 + std::cos(s_.q - x_.warm_spot_phase)) * std::exp(-s_.warm / 8.0);
     return std::max(level, 0.0);

@@ -26,13 +26,14 @@ public:
     double encoder() const;                // angle as the encoder sees it, before quantisation
     double electric_torque() const;        // nominal torque of the present current
     double coulomb_share() const { return coulomb_share_; }  // known dry friction now, as a share of its level
-    double temperature() const { return 25.0 + s_.heat + 0.6 * s_.warm; }
+    double temperature() const;
     double dissipated_J() const { return dissipated_; }      // energy turned into heat by friction of every kind
     double step_s() const { return h_; }
 
 private:
     struct Rate { double w_dot, w_l_dot; };
     double drive_torque();
+    double warming() const;
     double smooth(double q, double w) const;                 // torque without dry friction, opposing positive
     double dry_level(double w, int direction) const;
     double stiction(int direction) const;
