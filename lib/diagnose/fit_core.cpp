@@ -1,0 +1,374 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "diagnose/fit_core.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+#include <optional>
+
+#include "diagnose/fit_lti.hpp"
+#include "diagnose/fit_score.hpp"
+#include "diagnose/floor.hpp"
+
+namespace driveid::diagnose {
+
+bool adopt_frame(driveid_model &model, const Prepared &record, std::string &reason) {
+  if (model.structure == DRIVEID_STRUCTURE_LTI || model.structure == DRIVEID_STRUCTURE_DC_CIRCUIT || model.structure == DRIVEID_STRUCTURE_PMSM_DRIVE) return true;
+  const Roles roles = roles_of(model, record);
+  if (roles.input.empty()) return true;   // the equations refuse with what to record
+  const bool linear = model.structure == DRIVEID_STRUCTURE_LINEAR_AXIS;
+  driveid_frame frame = linear ? DRIVEID_FRAME_FORCE : DRIVEID_FRAME_TORQUE;
+  if (roles.effort_unit == "V") frame = DRIVEID_FRAME_VOLT;
+  else if (roles.per_ampere && !(model.structure == DRIVEID_STRUCTURE_DC_DRIVE && record.has("v_V"))) frame = linear ? DRIVEID_FRAME_AMPERE_LINEAR : DRIVEID_FRAME_AMPERE;
+  char text[256] = "";
+  if (driveid_model_set_frame(&model, frame, text, sizeof text) == DRIVEID_OK) return true;
+  reason = text;
+  return false;
+}
+
+namespace {
+
+std::vector<double> slope(const std::vector<double> &x, double dt) {
+  const std::ptrdiff_t n = std::ptrdiff_t(x.size()), h = 4;
+  std::vector<double> v(x.size());
+  for (std::ptrdiff_t k = 0; k < n; k++) {
+    const std::ptrdiff_t c = std::clamp<std::ptrdiff_t>(k, h, std::max<std::ptrdiff_t>(h, n - 1 - h));
+    double num = 0, den = 0;
+    for (std::ptrdiff_t j = -h; j <= h; j++)
+      if (c + j >= 0 && c + j < n) num += double(j) * x[std::size_t(c + j)], den += double(j * j);
+    v[std::size_t(k)] = num / den / dt;
+  }
+  return v;
+}
+
+}  // namespace
+
+std::vector<batch::Stretch> make_stretches(const driveid_model &model, const Prepared &record, driveid_hold hold) {
+  const bool linear = model.structure == DRIVEID_STRUCTURE_LINEAR_AXIS;
+  const Roles roles = roles_of(model, record);
+  const driveid_signal position = linear ? DRIVEID_SIGNAL_X_M : DRIVEID_SIGNAL_THETA_RAD, speed = linear ? DRIVEID_SIGNAL_V_M_S : DRIVEID_SIGNAL_OMEGA_RAD_S;
+  std::vector<batch::Stretch> out;
+  for (const Piece &piece : record.pieces) {
+    if (piece.n < 40) continue;
+    batch::Stretch s;
+    s.hold = hold;
+    s.t_s.resize(piece.n);
+    for (std::size_t k = 0; k < piece.n; k++) s.t_s[k] = piece.t0_s + double(k) * record.dt_s;
+    for (const auto &[name, values] : piece.signal) {
+      driveid_signal which;
+      if (driveid_signal_from_name(name.c_str(), &which) == DRIVEID_OK) s.column[which] = values;
+    }
+    if (s.column[position].empty() && piece.signal.count(roles.position)) s.column[position] = piece.signal.at(roles.position);
+    if (s.column[speed].empty() && piece.signal.count(roles.speed)) s.column[speed] = piece.signal.at(roles.speed);
+    if (!s.column[position].empty()) s.column[speed] = slope(s.column[position], record.dt_s);   // the angle is the better witness
+    out.push_back(std::move(s));
+  }
+  return out;
+}
+
+driveid_hold hold_of(const EquationSet &set, const Prepared &record, driveid_sim_mode mode) {
+  if (record.hold == "average") return DRIVEID_HOLD_AVERAGE;
+  if (record.hold == "zoh") return DRIVEID_HOLD_ZERO;
+  if (record.hold == "instant") return DRIVEID_HOLD_FIRST;
+  const Equation *chosen = nullptr;
+  for (const Equation &e : set.equation)
+    if (!chosen || e.electrical == (mode != DRIVEID_SIM_MECHANICAL)) chosen = &e;
+  if (!chosen || chosen->input_shift_s == 0) return DRIVEID_HOLD_FIRST;
+  return chosen->input_shift_s > 0 ? DRIVEID_HOLD_ZERO : DRIVEID_HOLD_AVERAGE;
+}
+
+std::vector<Part> parts_of(const driveid_model &model, const Prepared &record) {
+  std::vector<Part> parts;
+  const bool dq = model.structure == DRIVEID_STRUCTURE_PMSM_DRIVE, linear = model.structure == DRIVEID_STRUCTURE_LINEAR_AXIS;
+  if (model.structure == DRIVEID_STRUCTURE_LTI) return {{DRIVEID_SIM_WHOLE, {DRIVEID_SIGNAL_Y}}};
+  if (dq && record.has("v_d_V") && record.has("v_q_V") && record.has("i_d_A") && record.has("i_q_A")) parts.push_back({DRIVEID_SIM_ELECTRICAL, {DRIVEID_SIGNAL_I_D_A, DRIVEID_SIGNAL_I_Q_A}});
+  const bool dc = model.structure == DRIVEID_STRUCTURE_DC_CIRCUIT || model.structure == DRIVEID_STRUCTURE_DC_DRIVE;
+  if (dc && record.has("v_V") && record.has("i_A")) parts.push_back({DRIVEID_SIM_ELECTRICAL, {DRIVEID_SIGNAL_I_A}});
+  if (model.structure == DRIVEID_STRUCTURE_DC_CIRCUIT) return parts;
+  const Roles roles = roles_of(model, record);
+  if (roles.input.empty() || (roles.position.empty() && roles.speed.empty())) return parts;
+  const driveid_signal position = linear ? DRIVEID_SIGNAL_X_M : DRIVEID_SIGNAL_THETA_RAD, speed = linear ? DRIVEID_SIGNAL_V_M_S : DRIVEID_SIGNAL_OMEGA_RAD_S;
+  std::vector<driveid_signal> outputs{roles.position.empty() ? speed : position};
+  if (model.structure == DRIVEID_STRUCTURE_TWO_MASS_AXIS && record.has("theta_l_rad")) outputs.push_back(DRIVEID_SIGNAL_THETA_L_RAD);
+  parts.push_back({DRIVEID_SIM_MECHANICAL, outputs});
+  return parts;
+}
+
+driveid_signal scored_signal(const driveid_model &model, const Prepared &record) {
+  const std::vector<Part> parts = parts_of(model, record);
+  return parts.empty() ? DRIVEID_SIGNAL_COUNT : parts.back().outputs[0];
+}
+
+namespace {
+
+// ---- free parameters of a part ----
+
+bool electrical_name(const std::string &n) { return n == "R_ohm" || n == "L_H" || n == "K_e_Vs_rad" || n == "L_d_H" || n == "L_q_H" || n == "psi_pm_Vs"; }
+
+bool effect_in(const driveid_model &model, const driveid_effect_use &use, driveid_sim_mode mode) {
+  const driveid_structure s = model.structure;
+  const bool voltage = (s == DRIVEID_STRUCTURE_DC_DRIVE || s == DRIVEID_STRUCTURE_DC_CIRCUIT || s == DRIVEID_STRUCTURE_PMSM_DRIVE) && driveid_model_frame(&model) != DRIVEID_FRAME_VOLT;
+  if (use.formula[0]) return !voltage || (std::strcmp(use.adds_to, "v_V") == 0) == (mode == DRIVEID_SIM_ELECTRICAL);
+  const driveid_effect_info *info = driveid_effect_find(use.name);
+  if (!info) return false;
+  if (voltage && (std::strcmp(use.name, "delay") == 0 || (std::strcmp(use.name, "dead_zone") == 0 && s != DRIVEID_STRUCTURE_PMSM_DRIVE))) return mode == DRIVEID_SIM_ELECTRICAL;
+  return info->domains & (mode == DRIVEID_SIM_ELECTRICAL ? DRIVEID_EFFECT_ELECTRICAL : DRIVEID_EFFECT_MECHANICAL);
+}
+
+batch::FreeParam free_of(const driveid_param &p, int effect, int index) {
+  batch::FreeParam f;
+  f.effect = effect;
+  f.index = index;
+  const double sd = (p.hi - p.lo) / 3.92, size = std::fabs(p.value);
+  f.scale = std::isfinite(sd) && sd > 0 ? std::clamp(0.1 * sd, 1e-6 * size, 1e-2 * size + 1e-12) : 1e-4 * size;
+  if (!(f.scale > 0)) f.scale = 1e-9;
+  return f;
+}
+
+// Orders and instants are found by the search and stay: the simulation is not smooth in an instant, and an order is a whole number.
+bool stays(const driveid_effect_info *info, uint32_t k) {
+  if (!info || k >= info->params) return false;
+  const std::string symbol = info->param[k].symbol;
+  return info->param[k].dimension == DRIVEID_DIM_ORDER || symbol == "t_step" || symbol == "p" || symbol == "T_th" || symbol == "T_w";
+}
+
+std::vector<batch::FreeParam> free_params(const driveid_model &model, driveid_sim_mode mode) {
+  std::vector<batch::FreeParam> out;
+  for (uint32_t k = 0; k < model.params; k++) {
+    const driveid_param &p = model.param[k];
+    if (p.state != DRIVEID_PARAM_FREE) continue;
+    if (model.structure != DRIVEID_STRUCTURE_LTI && mode != DRIVEID_SIM_WHOLE && electrical_name(p.name) != (mode == DRIVEID_SIM_ELECTRICAL)) continue;
+    batch::FreeParam f = free_of(p, -1, int(k));
+    const bool positive = p.name[0] == 'J' || p.name[0] == 'm' || p.name[0] == 'L' || p.name[0] == 'R' || p.name[0] == 'k';
+    if (positive && model.structure != DRIVEID_STRUCTURE_LTI) f.lo = 1e-3 * std::fabs(p.value);
+    out.push_back(f);
+  }
+  for (uint32_t e = 0; e < model.effects; e++) {
+    const driveid_effect_use &use = model.effect[e];
+    const driveid_effect_info *info = driveid_effect_find(use.name);
+    if (!effect_in(model, use, mode)) continue;
+    for (uint32_t k = 0; k < use.params; k++) {
+      if (use.param[k].state != DRIVEID_PARAM_FREE || stays(info, k)) continue;
+      batch::FreeParam f = free_of(use.param[k], int(e), int(k));
+      if (info && info->param[k].lo == 0.0) f.lo = 0.0;
+      if (info && (info->param[k].dimension == DRIVEID_DIM_LENGTH || info->param[k].dimension == DRIVEID_DIM_SPEED || info->param[k].dimension == DRIVEID_DIM_STIFFNESS)) f.lo = 1e-3 * std::fabs(use.param[k].value);
+      out.push_back(f);
+    }
+  }
+  return out;
+}
+
+driveid_param &param_of(driveid_model &model, const batch::FreeParam &f) { return f.effect < 0 ? model.param[f.index] : model.effect[f.effect].param[f.index]; }
+
+double t_quantile(int freedom) {   // 97.5 %, Cornish-Fisher
+  const double n = std::max(3, freedom), z = 1.959964;
+  return z + (z * z * z + z) / (4 * n) + (5 * std::pow(z, 5) + 16 * z * z * z + 3 * z) / (96 * n * n);
+}
+
+void write_intervals(driveid_model &model, const std::vector<batch::FreeParam> &free, const batch::OutputErrorResult &result) {
+  const double t = t_quantile(result.blocks - int(free.size()));
+  for (std::size_t k = 0; k < free.size(); k++) {
+    driveid_param &p = param_of(model, free[k]);
+    const double half = t * std::sqrt(std::max(0.0, result.covariance(Eigen::Index(k), Eigen::Index(k))));
+    p.lo = p.value - half;
+    p.hi = p.value + half;
+  }
+}
+
+// ---- refinement of one part ----
+
+struct Trial {
+  std::string name;
+  driveid_model model;
+  double uncertainty = 0;     // mean log of relative variance
+  double score = INFINITY;    // mean log of held-out errors
+};
+
+double uncertainty_of(const driveid_model &model, const std::vector<batch::FreeParam> &free, const Eigen::MatrixXd &cov) {
+  double sum = 0;
+  driveid_model copy = model;
+  for (std::size_t k = 0; k < free.size(); k++) sum += std::log(std::max(1e-300, cov(Eigen::Index(k), Eigen::Index(k)) / std::max(1e-300, std::pow(param_of(copy, free[k]).value, 2))));
+  return free.empty() ? 0 : sum / double(free.size());
+}
+
+double interval_uncertainty(const driveid_model &model, const std::vector<batch::FreeParam> &free) {
+  Eigen::MatrixXd cov = Eigen::MatrixXd::Zero(Eigen::Index(free.size()), Eigen::Index(free.size()));
+  driveid_model copy = model;
+  for (std::size_t k = 0; k < free.size(); k++) {
+    const driveid_param &p = param_of(copy, free[k]);
+    cov(Eigen::Index(k), Eigen::Index(k)) = std::pow((p.hi - p.lo) / 3.92, 2);
+  }
+  return uncertainty_of(model, free, cov);
+}
+
+struct Data {
+  std::vector<batch::Stretch> training, judged;   // judged: kept aside
+};
+
+// Without held-out records the last three tenths of the longest training stretches judge.
+Data split(const std::vector<batch::Stretch> &training, const std::vector<batch::Stretch> &held_out) {
+  Data d;
+  if (!held_out.empty()) {
+    d.training = training;
+    d.judged = held_out;
+    return d;
+  }
+  for (const batch::Stretch &s : training) {
+    const std::size_t n = s.t_s.size(), cut = n * 7 / 10;
+    if (n < 600) {
+      d.training.push_back(s);
+      continue;
+    }
+    batch::Stretch a, b;
+    a.hold = b.hold = s.hold;
+    auto part = [&](const std::vector<double> &v, std::size_t from, std::size_t to) { return std::vector<double>(v.begin() + std::ptrdiff_t(from), v.begin() + std::ptrdiff_t(to)); };
+    a.t_s = part(s.t_s, 0, cut);
+    b.t_s = part(s.t_s, cut, n);
+    for (int c = 0; c < DRIVEID_SIGNAL_COUNT; c++)
+      if (!s.column[c].empty()) a.column[c] = part(s.column[c], 0, cut), b.column[c] = part(s.column[c], cut, n);
+    d.training.push_back(std::move(a));
+    d.judged.push_back(std::move(b));
+  }
+  return d;
+}
+
+std::vector<const batch::Stretch *> pointers(const std::vector<batch::Stretch> &list, std::size_t rows_max) {
+  std::size_t rows = 0;
+  std::vector<const batch::Stretch *> out;
+  for (const batch::Stretch &s : list) {
+    if (!out.empty() && rows + s.t_s.size() > rows_max) continue;
+    out.push_back(&s);
+    rows += s.t_s.size();
+  }
+  return out;
+}
+
+std::optional<batch::OutputErrorResult> refine(const driveid_model &model, const Part &part, const std::vector<batch::Stretch> &data, double window_s, const std::vector<batch::FreeParam> &free, int iterations) {
+  batch::OutputErrorProblem problem;
+  problem.model = model;
+  problem.mode = part.mode;
+  problem.free = free;
+  problem.outputs = part.outputs;
+  problem.stretches = pointers(data, 150000);
+  problem.window_s = window_s;
+  problem.iterations = iterations;
+  batch::OutputErrorResult r = batch::fit_output_error(problem);
+  if (!r.ok) return std::nullopt;
+  return r;
+}
+
+double judge(const driveid_model &model, const Part &part, const std::vector<batch::Stretch> &judged) {
+  double sum = 0, count = 0;
+  for (const batch::Stretch &s : judged)
+    for (driveid_signal signal : part.outputs) {
+      const double free_run = score_windows(model, s, part.mode, signal, 0), second = score_windows(model, s, part.mode, signal, 1.0);
+      if (!(free_run >= 0) || !(second >= 0)) return INFINITY;
+      sum += 0.5 * std::log(free_run + 1e-300) + 0.5 * std::log(second + 1e-300);
+      count += 1;
+    }
+  return count > 0 ? sum / count : 0;
+}
+
+std::string window_name(double window_s) {
+  if (window_s == 0) return "free run";
+  char text[40];
+  std::snprintf(text, sizeof text, "windows of %.3g s", window_s);
+  return text;
+}
+
+void refine_part(FitOutcome &outcome, const Part &part, const std::vector<batch::Stretch> &training, const std::vector<batch::Stretch> &held_out, const FitOptions &options) {
+  const std::vector<batch::FreeParam> free = free_params(outcome.model, part.mode);
+  if (free.empty() || training.empty()) return;
+  const Data data = split(training, held_out);
+  std::vector<Trial> trials{{"equation", outcome.model, interval_uncertainty(outcome.model, free), judge(outcome.model, part, data.judged)}};
+  double longest = 0;
+  for (const batch::Stretch &s : data.training) longest = std::max(longest, s.t_s.back() - s.t_s.front());
+  driveid_model start = outcome.model;
+  for (double window : {0.2, 1.0, 0.0}) {
+    if (window > 0.4 * longest) continue;
+    if (options.tick && !options.tick(window == 0 ? 0.7 : 0.4 + 0.2 * window, "refine")) { outcome.cancelled = true; return; }
+    const auto r = refine(start, part, data.training, window, free, 6);
+    if (!r) continue;
+    Trial t{window_name(window), r->model, uncertainty_of(r->model, free, r->covariance), 0};
+    t.score = judge(t.model, part, data.judged);
+    if (t.score < trials.back().score + 0.5) start = t.model;
+    trials.push_back(t);
+  }
+  double best = INFINITY;
+  for (const Trial &t : trials) best = std::min(best, t.score);
+  const Trial *chosen = nullptr;
+  for (const Trial &t : trials)   // the sharpest of those that predict as well as the best
+    if (t.score <= best + 0.02 && (!chosen || t.uncertainty < chosen->uncertainty)) chosen = &t;
+  if (!chosen || !std::isfinite(chosen->score)) return;
+  outcome.objective += (outcome.objective.empty() ? "" : ", ") + chosen->name;
+  if (chosen->name == "equation") return;
+  double window = 0;
+  std::sscanf(chosen->name.c_str(), "windows of %lf", &window);
+  const auto last = refine(chosen->model, part, training, window, free, 6);   // with the kept-aside stretches of the training records
+  if (!last) return;
+  outcome.model = last->model;
+  write_intervals(outcome.model, free, *last);
+}
+
+std::vector<batch::Stretch> all_stretches(const driveid_model &model, const std::vector<Prepared> &records, const EquationSet &set, driveid_sim_mode mode) {
+  std::vector<batch::Stretch> out;
+  for (const Prepared &r : records)
+    for (batch::Stretch &s : make_stretches(model, r, hold_of(set, r, mode))) out.push_back(std::move(s));
+  return out;
+}
+
+std::string unfit(const driveid_model &model, const std::vector<Part> &parts) {
+  for (const Part &part : parts)
+    for (uint32_t k = 0; k < model.params; k++) {
+      const driveid_param &p = model.param[k];
+      if ((p.name[0] == 'J' || p.name[0] == 'm') && part.mode == DRIVEID_SIM_MECHANICAL && p.state == DRIVEID_PARAM_FREE && !(p.value > 0))
+        return std::string(p.name) + " came out negative: a column has the wrong sign (map it with a minus), or the motion has too little acceleration";
+    }
+  return "";
+}
+
+void equation_stage(FitOutcome &outcome, EquationSet &set, const FitOptions &options) {
+  for (Equation &e : set.equation) {
+    find_floor(e, make_families(e));
+    if (!fit_equation(e, outcome.model, options.threads, outcome.notices)) outcome.notices.push_back({"fit", "the " + e.signal + " equation could not be solved", ""});
+  }
+}
+
+}  // namespace
+
+FitOutcome fit_model(const driveid_model &model, const std::vector<Prepared> &training, const std::vector<Prepared> &held_out, const FitOptions &options) {
+  FitOutcome outcome;
+  outcome.model = model;
+  if (training.empty()) {
+    outcome.bad = "no record to fit to";
+    return outcome;
+  }
+  for (const Prepared &p : training)
+    if (!p.bad.empty()) {
+      outcome.bad = p.name + ": " + p.bad;
+      return outcome;
+    }
+  if (!adopt_frame(outcome.model, training[0], outcome.bad)) return outcome;
+  EquationSet set;
+  if (model.structure == DRIVEID_STRUCTURE_LTI) {
+    if (!start_lti(outcome.model, training, outcome.bad)) return outcome;
+  } else {
+    set = make_equations(outcome.model, training, {});
+    outcome.notices = set.notices;
+    outcome.bad = set.bad;
+    if (!outcome.bad.empty()) return outcome;
+    if (options.tick && !options.tick(0.1, "equations")) { outcome.cancelled = true; return outcome; }
+    equation_stage(outcome, set, options);
+  }
+  const std::vector<Part> parts = parts_of(outcome.model, training[0]);
+  outcome.bad = unfit(outcome.model, parts);
+  if (!outcome.bad.empty() || !options.refine) return outcome;
+  for (const Part &part : parts) {
+    refine_part(outcome, part, all_stretches(outcome.model, training, set, part.mode), all_stretches(outcome.model, held_out, set, part.mode), options);
+    if (outcome.cancelled) return outcome;
+  }
+  return outcome;
+}
+
+}  // namespace driveid::diagnose

@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: Apache-2.0
+// Fit: values and intervals for the free parameters of a model, from prepared records.
+//
+//   1. start: whitened least squares of each equation (the diagnosis's own engine), shapes of effects searched;
+//   2. refine: output error (lib/batch) over windows of several lengths, up to free runs of whole records;
+//   3. choose: the objective whose model predicts kept-aside stretches best, in free run and over one-second windows.
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "batch/output_error.hpp"
+#include "diagnose/equation.hpp"
+
+namespace driveid::diagnose {
+
+struct FitOptions {
+  int threads = 2;
+  bool refine = true;                              // false: equation least squares alone (fast)
+  std::function<bool(double, const char *)> tick;  // done, what; false cancels
+};
+
+struct FitOutcome {
+  driveid_model model;
+  std::string objective;       // "equation", "windows of 0.2 s", ..., "free run"
+  std::vector<Notice> notices;
+  std::string bad;             // not empty: cannot be fitted, and what to record
+  bool cancelled = false;
+};
+
+// Moves the model to the frame that the record and the given parameters allow. False: why, in reason.
+bool adopt_frame(driveid_model &model, const Prepared &record, std::string &reason);
+
+// One gap-free stretch per piece, columns under their canonical names, speed derived from the angle where only that is recorded.
+std::vector<batch::Stretch> make_stretches(const driveid_model &model, const Prepared &record, driveid_hold hold);
+
+// The hold that was told, or that the equations found for the driving channel of the mode.
+driveid_hold hold_of(const EquationSet &set, const Prepared &record, driveid_sim_mode mode);
+
+// Parts of a structure that are fitted one after another (circuit, then axis), with the signals that judge them.
+struct Part {
+  driveid_sim_mode mode;
+  std::vector<driveid_signal> outputs;
+};
+std::vector<Part> parts_of(const driveid_model &model, const Prepared &record);
+
+// Signals whose free run is scored for the whole model: the axis' position (or speed), else the current, else y.
+driveid_signal scored_signal(const driveid_model &model, const Prepared &record);
+
+// Values and intervals from one equation, into the model. Needs the whitening of the equation.
+bool fit_equation(const Equation &equation, driveid_model &model, int threads, std::vector<Notice> &notices);
+
+FitOutcome fit_model(const driveid_model &model, const std::vector<Prepared> &training, const std::vector<Prepared> &held_out, const FitOptions &options);
+
+}  // namespace driveid::diagnose
