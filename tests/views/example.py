@@ -65,6 +65,14 @@ def _common(effects: list[dict]) -> dict:
             "notices": ["theta_rad has steps of 767 µrad: an encoder of 8192 counts."]}
 
 
+MODEL = """format = 1
+structure = "rigid_axis"
+parameters.J_kgm2 = { value = 1.203e-4, interval = [1.197e-4, 1.209e-4], unit = "kg m^2", state = "free" }
+[[effect]]
+name = "coulomb"
+parameters.tau_c_Nm = { value = 0.01203, interval = [0.0119, 0.01216], unit = "N m", state = "free" }
+"""
+
 COULOMB = {"tau_c_Nm": {"value": 0.01203, "interval": [0.0119, 0.01216], "unit": "N m"}}
 
 
@@ -103,5 +111,5 @@ def improve() -> dict:
     doc = _common([{"name": "coulomb", "parameters": COULOMB}])
     first = explain()
     after = {"training": _set(3.0e-4, (2.6e-4, 3.1e-4)), "held_out": _set(3.1e-4, (2.6e-4, 3.1e-4))}
-    return doc | {"error_before": first["error_before"], "ends": "noise_floor", "model_toml": 'format = 1\nstructure = "rigid_axis"\n',
+    return doc | {"error_before": first["error_before"], "ends": "noise_floor", "model_toml": MODEL,
                   "steps": [{"effect": "coulomb", "parameters": COULOMB, "share_left": 0.01, **after}]}

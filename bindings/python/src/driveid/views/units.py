@@ -104,7 +104,7 @@ def estimate(value: float | None, lo: float | None, hi: float | None, unit: str 
         return number(value, unit)
     half = (hi - lo) / 2.0
     divisor, text = scale_of(max(abs(value), half), pretty_unit(unit))
-    decimals = 1 - math.floor(math.log10(half / divisor))
+    decimals = 1 - math.floor(math.log10(half / divisor * 1.0000001))
     decimals = min(max(decimals, 0), 9)
     if abs((hi + lo) / 2.0 - value) <= 0.1 * half:
         both = f"{_round(value / divisor, decimals)} ± {_round(half / divisor, decimals)}"
