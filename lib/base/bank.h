@@ -3,7 +3,7 @@
  *
  * Method: a cascade of N equal sections  v_j' = lambda (v_{j-1} - v_j),  v_0 = channel,  unit gain at rest, so that
  *   s^i / (s/lambda + 1)^N  channel = lambda^i sum_m C(i,m) (-1)^(i-m) v_{N-m}            (Newton combination)
- * with i < N. One step of length h is the exact lower-triangular Toeplitz matrix  e^-x x^k / k!,  x = lambda h; smooth channels
+ * with i <= N (i = N takes the input itself). One step of length h is the exact lower-triangular Toeplitz matrix  e^-x x^k / k!,  x = lambda h; smooth channels
  * are a parabola through their last three readings, whose exact answer comes from the Poisson tails g_m = sum_{k>=m} e^-x x^k / k! and
  * their sums (positive numbers only, nothing cancels); held and averaged channels are exact as steps. States are kept relative to the last input, so an angle of 10^5 rad costs no digit, also in f32.
  * e^-x is computed once per nominal step and carried to nearby steps by its series: jitter costs no exp().
@@ -19,6 +19,7 @@
 #include <driveid/regression.h>
 
 #define DRIVEID_SECTIONS_MAX (DRIVEID_ORDER_MAX + 2)
+#define DRIVEID_BANK_CHANNELS (DRIVEID_CHANNELS_MAX + 1)
 
 #include "real_f64.h"
 #include "bank_decl.inc"

@@ -11,7 +11,7 @@ static driveid_status refuse(char *reason, size_t size, const char *text) {
 }
 
 uint32_t fsm_block_size(unsigned columns) {
-    return (3 + FSM_LAGS) * columns + (1 + FSM_LAGS) * columns * columns;
+    return (1 + FSM_LAGS) * columns + (1 + FSM_LAGS) * columns * columns;
 }
 
 static const char *fault_in(const driveid_regression *r) {
@@ -51,6 +51,7 @@ static void split(driveid_fsm_common *common, uint8_t *level) {
         unsigned j = 0;
         while (j < equation->params && equation->param[j] != t->param) j++;
         if (j == equation->params) equation->param[equation->params++] = t->param;
+        equation->place[t->param] = (uint8_t)j;
     }
     for (unsigned e = 0; e < r->equations; e++)
         common->equation[e].columns = (uint8_t)(common->equation[e].params + common->equation[e].order + 1);
@@ -58,7 +59,7 @@ static void split(driveid_fsm_common *common, uint8_t *level) {
 }
 
 static void resolve(driveid_estimator_options *o, double suggested_rad_s) {
-    if (o->bandwidth_rad_s == 0) o->bandwidth_rad_s = fmin(suggested_rad_s > 0 ? suggested_rad_s : 60, 0.25 / o->dt_s);
+    if (o->bandwidth_rad_s == 0) o->bandwidth_rad_s = fmin(suggested_rad_s > 0 ? suggested_rad_s : 200, 0.25 / o->dt_s);
     if (o->forgetting_s == 0) o->forgetting_s = 10;
     if (o->gap_s == 0) o->gap_s = 5 * o->dt_s;
 }
@@ -80,7 +81,7 @@ driveid_status fsm_configure_common(driveid_fsm_common *common, const driveid_re
     if (common->row_ns < (int64_t)(1e9 * o->dt_s)) common->row_ns = (int64_t)(1e9 * o->dt_s);
     common->solve_ns = (int64_t)fmax(6.0 * (double)common->row_ns, 2e7);
     common->gap_ns = (int64_t)(1e9 * o->gap_s);
-    common->chosen = -1;
+    memset(common->chosen, -1, sizeof common->chosen);
     common->status = DRIVEID_NOT_YET;
     uint32_t one = 0;
     for (unsigned e = 0; e < regression->equations; e++) one += fsm_block_size(common->equation[e].columns);

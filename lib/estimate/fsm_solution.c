@@ -6,7 +6,9 @@
 
 #include "base/solve.h"
 
-#define ROWS_MIN 10.0        /* coarse rows beyond the unknowns before anything is said */
+#define ROWS_FIRST 10.0      /* coarse rows beyond the unknowns before anything is said */
+#define ROWS_LATER 50.0      /* and before a prefiltered stage is believed */
+#define EXCESS 1.3           /* output noise may weigh so much more at low frequency than at high, behind a prefilter */
 
 void fsm_solve_initial(const fsm_equation *q, const double *s, double small, double *solved) {
     double a[DRIVEID_ORDER_MAX * DRIVEID_ORDER_MAX] = {0}, inverse[DRIVEID_ORDER_MAX * DRIVEID_ORDER_MAX], pivot[DRIVEID_ORDER_MAX];
@@ -62,8 +64,8 @@ static int least_squares(const driveid_fsm_common *common, const fsm_sums *sums,
         const fsm_equation *q = &common->equation[e];
         const int n = q->params + 1;
         for (int i = 0; i < n - 1; i++) {
-            right[q->param[i]] += sums->s[e][i * n + n - 1] / variance[e];
-            for (int j = 0; j < n - 1; j++) normal[q->param[i] * p + q->param[j]] += sums->s[e][i * n + j] / variance[e];
+            right[q->param[i]] += sums[e].s[i * n + n - 1] / variance[e];
+            for (int j = 0; j < n - 1; j++) normal[q->param[i] * p + q->param[j]] += sums[e].s[i * n + j] / variance[e];
         }
     }
     out->rank = driveid_solve_inverse(normal, p, small, h, out->pivot);
@@ -77,26 +79,48 @@ static int least_squares(const driveid_fsm_common *common, const fsm_sums *sums,
     return out->rank;
 }
 
-/* Long-run covariance of one equation's score, into score[params^2] (theta order): sum of r(lag) Gamma(lag), with a flat-topped window. */
-static double add_score(const driveid_fsm_common *common, const fsm_sums *sums, int e, double variance, const double *theta, double *score) {
+/* Positive definite, so the sum over lags is too. */
+static double parzen(double x) {
+    return x < 0.5 ? 1 - 6 * x * x * (1 - x) : 2 * (1 - x) * (1 - x) * (1 - x);
+}
+
+static double mean(const double *x, int n) {
+    double sum = 0;
+    for (int i = 0; i < n; i++) sum += x[i];
+    return sum / n;
+}
+
+/* Lags that the window must reach: well beyond the last one at which the residual is clearly correlated. */
+static int lags_needed(const double *r, double rows) {
+    int last = 0;
+    for (int lag = 1; lag < FSM_LAGS; lag++)
+        if (fabs(r[lag]) > 3 * fabs(r[0]) / sqrt(rows)) last = lag;
+    const int wanted = 3 + 2 * last, most = (int)fmax(1, rows / 6);
+    return wanted < FSM_LAGS ? (wanted < most ? wanted : most) : (FSM_LAGS < most ? FSM_LAGS : most);
+}
+
+/* Long-run covariance of one equation's score, into score[params^2] (theta order): sum of r(lag) Gamma(lag), Parzen window.
+ * What the fit takes out of the residual it takes out near the regressors' own frequencies, so the window's band, not the whole record,
+ * pays for the unknowns. Returns the degrees of freedom left. */
+static double add_score(const driveid_fsm_common *common, const fsm_sums *sums, int e, int *settled, double variance, const double *theta, double *score) {
     const fsm_equation *q = &common->equation[e];
     const int p = common->regression.params, n = q->params + 1;
-    const double freedom = sums->rows[e] - q->params - q->order, coarse = sums->coarse[e];
-    const double unbias = sums->rows[e] / freedom / sums->weight2[e];
-    double spread = 1, r0 = 0;
-    for (int lag = 0; lag < FSM_LAGS; lag++) {
-        const double window = lag <= FSM_LAGS / 2 ? 1 : 2.0 * (FSM_LAGS - lag) / FSM_LAGS;
-        const double r = quadratic(q, sums->g[e][lag], theta) * unbias;
-        if (lag == 0) r0 = r;
-        else if (r0 > 0) spread += 2 * window * (r / r0) * (r / r0);
-        const double share = window * r / (coarse * coarse * variance * variance);
+    const double coarse = sums->coarse, rows = sums->rows;
+    double r[FSM_LAGS];
+    for (int lag = 0; lag < FSM_LAGS; lag++) r[lag] = quadratic(q, sums->g[lag], theta) / sums->weight2;
+    const int lags = lags_needed(r, rows);
+    *settled = lags < FSM_LAGS || mean(r + FSM_LAGS / 2, FSM_LAGS / 2) < 0.1 * r[0];
+    const double band = fmin(rows, 3.7 * rows / lags), freedom = fmax(1, band - q->params - q->order);
+    const double scale = band / freedom / (coarse * coarse * variance * variance);
+    for (int lag = 0; lag < lags; lag++) {
+        const double share = parzen((double)lag / lags) * r[lag] * scale;
         for (int i = 0; i < n - 1; i++)
             for (int j = 0; j < n - 1; j++) {
-                const double g = lag ? sums->g[e][lag][i * n + j] + sums->g[e][lag][j * n + i] : sums->g[e][0][i * n + j];
+                const double g = lag ? sums->g[lag][i * n + j] + sums->g[lag][j * n + i] : sums->g[0][i * n + j];
                 score[q->param[i] * p + q->param[j]] += share * g;
             }
     }
-    return freedom / spread;
+    return freedom;
 }
 
 static void sandwich(int p, const double *h, const double *score, double *cov) {
@@ -120,44 +144,97 @@ static void shares(const driveid_fsm_common *common, const fsm_sums *sums, fsm_s
     for (int e = 0; e < common->regression.equations; e++) {
         const fsm_equation *q = &common->equation[e];
         const int n = q->params + 1;
-        double whole = sums->s[e][n * n - 1];
-        for (int i = 0; i < n - 1; i++) whole = fmax(whole, out->theta[q->param[i]] * out->theta[q->param[i]] * sums->s[e][i * n + i]);
+        double whole = sums[e].s[n * n - 1];
+        for (int i = 0; i < n - 1; i++) whole = fmax(whole, out->theta[q->param[i]] * out->theta[q->param[i]] * sums[e].s[i * n + i]);
         for (int i = 0; i < n - 1 && whole > 0; i++)
-            out->share[q->param[i]] = fmax(out->share[q->param[i]], sqrt(sums->s[e][i * n + i] / whole));
+            out->share[q->param[i]] = fmax(out->share[q->param[i]], sqrt(sums[e].s[i * n + i] / whole));
     }
+}
+
+/* Noise of the differentiated channel reaches the residual as |A(jw)|^2 / (w^2 + pole^2)^n. Where that rises towards low frequency the lags
+ * kept here are too short to see it and the interval would be too narrow: such a stage is left out. */
+static int noise_rises(const driveid_fsm_common *common, int e, double pole_rad_s, const double *theta) {
+    const driveid_regression *r = &common->regression;
+    const int order = common->equation[e].order;
+    double a[DRIVEID_ORDER_MAX + 1] = {0};
+    int channel = -1;
+    for (int i = 0; i < r->terms; i++)
+        if (r->term[i].equation == e && r->term[i].derivative == order) channel = r->term[i].channel;
+    for (int i = 0; i < r->terms; i++) {
+        const driveid_term *t = &r->term[i];
+        if (t->equation == e && t->channel == channel) a[t->derivative] += t->factor * (t->param == DRIVEID_TERM_KNOWN ? 1 : theta[t->param]);
+    }
+    for (double w = 0.1 * pole_rad_s; w < 5 * pole_rad_s; w *= 2) {
+        double re = 0, im = 0, power = 1, gain = 1;
+        for (int i = 0; i <= order; i++, power *= w) {
+            if (i & 1) im += (i & 2 ? -1 : 1) * a[i] * power;
+            else re += (i & 2 ? -1 : 1) * a[i] * power;
+        }
+        for (int i = 0; i < common->sections - 2; i++) gain *= w * w + pole_rad_s * pole_rad_s;
+        const int flat = common->sections - 2 == order;
+        const double plateau = flat ? a[order] * a[order] : 0;
+        if (re * re + im * im > EXCESS * plateau * gain) return 1;
+    }
+    return 0;
+}
+
+double fsm_score(const driveid_fsm_common *common, int e, const fsm_sums *sums, double small, const double *theta) {
+    const fsm_equation *q = &common->equation[e];
+    const int p = common->regression.params, n = q->params + 1;
+    double own[DRIVEID_THETA_MAX], a[DRIVEID_THETA_MAX * DRIVEID_THETA_MAX] = {0}, inverse[DRIVEID_THETA_MAX * DRIVEID_THETA_MAX];
+    double pivot[DRIVEID_THETA_MAX], score[DRIVEID_THETA_MAX * DRIVEID_THETA_MAX] = {0}, cov = 0;
+    int settled;
+    if (sums->rows < q->params + q->order + (sums->pole_rad_s > 0 ? ROWS_LATER : ROWS_FIRST)) return INFINITY;
+    for (int i = 0; i < n - 1; i++)
+        for (int j = 0; j < n - 1; j++) a[i * (n - 1) + j] = sums->s[i * n + j];
+    driveid_solve_inverse(a, n - 1, small, inverse, pivot);
+    if (theta) memcpy(own, theta, sizeof own);
+    if (!theta || sums->s[n * n - 1] > 0)
+        for (int i = 0; i < n - 1; i++) {
+            own[q->param[i]] = 0;
+            for (int j = 0; j < n - 1; j++) own[q->param[i]] += inverse[i * (n - 1) + j] * sums->s[j * n + n - 1];
+        }
+    if (sums->pole_rad_s > 0 && noise_rises(common, e, sums->pole_rad_s, own)) return INFINITY;
+    add_score(common, sums, e, &settled, 1, own, score);
+    if (sums->pole_rad_s > 0 && !settled) return INFINITY;
+    double total = 0;
+    for (int i = 0; i < n - 1; i++) {
+        cov = 0;
+        for (int j = 0; j < n - 1; j++)
+            for (int k = 0; k < n - 1; k++) cov += inverse[i * (n - 1) + j] * score[q->param[j] * p + q->param[k]] * inverse[i * (n - 1) + k];
+        total += pivot[i] > 0 ? 0.5 * log(fmax(cov, 1e-300)) : 50;
+    }
+    return total;
 }
 
 int fsm_solve(const driveid_fsm_common *common, const fsm_sums *sums, double small, fsm_solution *out) {
     const int p = common->regression.params, equations = common->regression.equations;
     double variance[DRIVEID_EQUATIONS_MAX] = {0}, h[DRIVEID_THETA_MAX * DRIVEID_THETA_MAX], score[DRIVEID_THETA_MAX * DRIVEID_THETA_MAX] = {0};
+    int settled;
     memset(out, 0, sizeof *out);
     for (int e = 0; e < equations; e++) {
         const fsm_equation *q = &common->equation[e];
         const int n = q->params + 1;
-        if (sums->rows[e] < q->params + q->order + ROWS_MIN) return 0;
         double trace = 0;
-        for (int i = 0; i < n; i++) trace += sums->s[e][i * n + i];
-        variance[e] = equations > 1 && trace > 0 ? trace / sums->weight[e] : 1;
+        if (sums[e].rows < q->params + q->order + ROWS_FIRST) return 0;
+        for (int i = 0; i < n; i++) trace += sums[e].s[i * n + i];
+        variance[e] = equations > 1 && trace > 0 ? trace / sums[e].weight : 1;
     }
     least_squares(common, sums, variance, small, h, out);
     for (int e = 0; e < equations && equations > 1; e++) {
-        const double r = quadratic(&common->equation[e], sums->s[e], out->theta) / sums->weight[e];
+        const double r = quadratic(&common->equation[e], sums[e].s, out->theta) / sums[e].weight;
         variance[e] = fmax(r, 1e-20 * variance[e]);
     }
     if (equations > 1) least_squares(common, sums, variance, small, h, out);
     out->freedom = INFINITY;
     out->rows = INFINITY;
     for (int e = 0; e < equations; e++) {
-        out->freedom = fmin(out->freedom, add_score(common, sums, e, variance[e], out->theta, score));
-        out->rows = fmin(out->rows, sums->rows[e]);
+        out->freedom = fmin(out->freedom, add_score(common, &sums[e], e, &settled, variance[e], out->theta, score));
+        out->rows = fmin(out->rows, sums[e].rows);
     }
     sandwich(p, h, score, out->cov);
     shares(common, sums, out);
-    out->residual_rms = sqrt(fmax(0, quadratic(&common->equation[0], sums->s[0], out->theta) / sums->weight[0]));
-    for (int i = 0; i < p; i++) {
-        if (out->pivot[i] > 0) out->score += 0.5 * log(fmax(out->cov[i * p + i], 1e-300));
-        else out->score += 100;
-    }
+    out->residual_rms = sqrt(fmax(0, quadratic(&common->equation[0], sums[0].s, out->theta) / sums[0].weight));
     return 1;
 }
 
@@ -177,8 +254,7 @@ static int is_weak(const driveid_fsm_common *common, const fsm_solution *s, int 
 void fsm_publish(driveid_fsm_common *common, int found, const fsm_solution *best, int64_t t_ns) {
     driveid_estimate *a = &common->answer;
     const int p = common->regression.params;
-    common->chosen = (int8_t)found;
-    if (found < 0) {
+    if (!found) {
         common->status = DRIVEID_NOT_YET;
         return;
     }

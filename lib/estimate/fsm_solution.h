@@ -8,19 +8,19 @@
 #define FSM_SMALL(real) (sizeof(real) == 4 ? 3e-6 : 1e-11)
 #define FSM_PACKED (DRIVEID_THETA_MAX + 1)
 
-/* Sums without initial conditions, (params + 1) square, the last row and column is y. */
+/* Sums of one equation at one stage without initial conditions, (params + 1) square, the last row and column is y. */
 typedef struct fsm_sums {
-    double weight[DRIVEID_EQUATIONS_MAX], weight2[DRIVEID_EQUATIONS_MAX], rows[DRIVEID_EQUATIONS_MAX];
-    unsigned coarse[DRIVEID_EQUATIONS_MAX];
-    double s[DRIVEID_EQUATIONS_MAX][FSM_PACKED * FSM_PACKED];
-    double g[DRIVEID_EQUATIONS_MAX][FSM_LAGS][FSM_PACKED * FSM_PACKED];
+    double weight, weight2, rows, pole_rad_s;   /* pole_rad_s: of the stage's prefilter, 0: none */
+    unsigned coarse;
+    double s[FSM_PACKED * FSM_PACKED];
+    double g[FSM_LAGS][FSM_PACKED * FSM_PACKED];
 } fsm_sums;
 
 typedef struct fsm_solution {
     double theta[DRIVEID_THETA_MAX], cov[DRIVEID_THETA_MAX * DRIVEID_THETA_MAX];
     double share[DRIVEID_THETA_MAX];   /* rms of the parameter's column over rms of y or of its equation */
     double pivot[DRIVEID_THETA_MAX];   /* what no other column explains, of 1; 0: cannot be told apart */
-    double residual_rms, rows, freedom, condition, score;
+    double residual_rms, rows, freedom, condition;
     int rank;
 } fsm_solution;
 
@@ -29,10 +29,14 @@ void fsm_solve_initial(const fsm_equation *equation, const double *s, double sma
 void fsm_eliminate_initial(const fsm_equation *equation, const double *solved, double *sums);
 void fsm_pack(const fsm_equation *equation, const double *full, double *packed);
 
-/* 1 where there is a solution, 0 where there are too few rows. */
+/* Size of the interval that this stage would give to its equation's parameters, logarithm; INFINITY where the stage cannot be judged:
+ * too few rows, or a residual that stays correlated beyond the lags. theta: the current answer, NULL where there is none. */
+double fsm_score(const driveid_fsm_common *common, int equation, const fsm_sums *sums, double small, const double *theta);
+
+/* sums[equations]: the chosen stage of each. 1 where there is a solution, 0 where there are too few rows. */
 int fsm_solve(const driveid_fsm_common *common, const fsm_sums *sums, double small, fsm_solution *out);
 
-/* Verdict and answer from the best stage (found < 0: none). */
+/* Verdict and answer (found = 0: none). */
 void fsm_publish(driveid_fsm_common *common, int found, const fsm_solution *best, int64_t t_ns);
 
 #endif

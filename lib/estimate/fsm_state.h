@@ -15,8 +15,9 @@
 
 #include "base/bank.h"
 
-#define FSM_STAGES 4
+#define FSM_STAGES 5
 #define FSM_STAGE_RATIO 5.0
+#define FSM_COARSE_S 0.02    /* longest coarse row */
 #define FSM_LAGS 16          /* lag 0 .. 15 of coarse rows */
 #define FSM_COLUMNS_MAX (DRIVEID_THETA_MAX + DRIVEID_ORDER_MAX + 1)
 #define FSM_POOL 20480       /* numbers; configure refuses what does not fit */
@@ -24,6 +25,7 @@
 typedef struct fsm_equation {
     uint8_t params, order, columns;          /* columns = params + order + 1, the last one is y */
     int8_t param[DRIVEID_THETA_MAX];         /* theta index of each column */
+    uint8_t place[DRIVEID_THETA_MAX];        /* column of each theta index */
 } fsm_equation;
 
 typedef struct driveid_fsm_common {
@@ -32,7 +34,7 @@ typedef struct driveid_fsm_common {
     fsm_equation equation[DRIVEID_EQUATIONS_MAX];
     uint8_t stages, sections;
     uint8_t running;                         /* filters are started */
-    int8_t chosen;                           /* stage of the last answer, -1: none */
+    int8_t chosen[DRIVEID_EQUATIONS_MAX];    /* stage of the last answer, -1: none */
     int64_t first_ns, segment_ns, last_ns, row_ns, last_row_ns, solve_ns, last_solve_ns, gap_ns;
     uint32_t samples;
     driveid_status status;                   /* of answer */
