@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The judge itself, on made-up answers, and the generator's cases, by an own regression in numpy."""
+import csv
+import json
+import subprocess
+
+import cases
+import judge
+import numpy as np
+import pytest
+import run
+import table
+
+
+def truth(t=20.0):
+    return {"train": {"significance": t}, "held_out": {"significance": t}, "effects": [{"effect": "coulomb", "parameters": [{"name": "tau_c", "value": 0.2, "torque": True}]}],
+            "drive": {"K_t_Nm_A": 0.1}}
+
+
+def entry(effect, accepted=True, ties=(), **parameters):
+    return {"effect": effect, "accepted": accepted, "not_told_apart_from": list(ties), "parameters": parameters}
+
+
+def case(group="single", effects=("coulomb",)):
+    return {"group": group, "effects": effects, "structure": "rigid_axis"}
+
+
+def test_right_wrong_and_tie():
+    assert judge.judge(case(), truth(), {"verdict": "missing", "ranked": [entry("coulomb")]})["right"]
+    assert not judge.judge(case(), truth(), {"verdict": "missing", "ranked": [entry("stribeck"), entry("coulomb")]})["right"]
+    assert not judge.judge(case(), truth(), {"verdict": "missing", "ranked": [entry("coulomb", accepted=False)]})["right"]
+    tied = {"verdict": "cannot_tell", "ranked": [entry("stribeck", ties=["coulomb"])]}
+    assert judge.judge(case(), truth(), tied, lambda names: True)["right"]
+    false_tie = judge.judge(case(), truth(), tied, lambda names: False)
+    assert not false_tie["right"] and false_tie["names"] == 2
+
+
+def test_silence_is_excused_only_where_the_truth_is_not_significant():
+    silent = {"verdict": "nothing_missing", "ranked": []}
+    assert judge.judge(case(), truth(1.0), silent).get("excused")
+    assert not judge.judge(case(), truth(5.0), silent).get("excused")
+    assert not judge.judge(case(), truth(1.0), {"verdict": "unknown", "ranked": []}).get("excused")
+
+
+def test_none_outside_and_pairs():
+    assert judge.judge(case("none", ()), truth(), {"verdict": "nothing_missing", "ranked": [entry("coulomb", accepted=False)]})["right"]
+    assert not judge.judge(case("none", ()), truth(), {"verdict": "missing", "ranked": [entry("coulomb")]})["right"]
+    assert judge.judge(case("outside", ("end_stop",)), truth(), {"verdict": "unknown", "ranked": []})["right"]
+    assert not judge.judge(case("outside", ("end_stop",)), truth(), {"verdict": "missing", "ranked": [entry("cogging")]})["right"]
+    two = {"verdict": "missing", "ranked": [entry("cogging"), entry("coulomb")]}
+    assert judge.judge(case("pair", ("coulomb", "cogging")), truth(), two)["right"]
+    assert not judge.judge(case("pair", ("coulomb", "delay")), truth(), two)["right"]
+
+
+def test_coverage_knows_frames_and_given_constants():
+    answer = {"ranked": [entry("coulomb", tau_c_Nm={"value": 0.22, "interval": [0.21, 0.23]})]}
+    assert judge.coverage(case(), truth(), answer, {"K_t_Nm_A": 0.11}) == [("tau_c", True)]   # K_t given 10 % too large
+    assert judge.coverage(case(), truth(), answer, {"K_t_Nm_A": 0.10}) == [("tau_c", False)]
+    answer = {"ranked": [entry("coulomb", tau_c_A={"value": 2.0, "interval": [1.9, 2.1]})]}
+    assert judge.coverage(case(), truth(), answer, {}) == [("tau_c", True)]                   # per ampere
+    assert judge.symbol_of("F_c_N") == "tau_c" and judge.symbol_of("c_Nms2_rad2") == "c" and judge.symbol_of("N") == "N"
+
+
+def test_sets_are_large_enough_and_repeatable():
+    quick, full = cases.quick_set(), cases.full_set("abc")
+    assert len(quick) >= 60 and len(full) >= 1000
+    assert len({c.name for c in full}) == len(full)
+    assert full == cases.full_set("abc") and full != cases.full_set("abd")
+    assert {e for c in quick for e in c.effects} >= set(cases.CATALOGUE + cases.OUTSIDE)
+
+
+def test_table_counts():
+    rows = [{"case": str(n), "group": "single", "effects": ["coulomb"], "size": 3, "right": n < 3, "names": 1, "first": "coulomb", "verdict": "missing", "seconds": 1.0} for n in range(4)]
+    s = table.summary(rows)
+    assert s["first_all"] == 0.75 and s["names"] == 1.0
+    assert "| coulomb |  | 3/4 |" in table.markdown(rows, "t")
+
+
+# The generator, checked with nothing but numpy: the true regressor takes the residual down from ratio x floor to the floor.
+def regression(rows, given, effect_column):
+    t, theta, i = (np.array([r[k] for r in rows]) for k in ("t_s", "theta_rad", next(k for k in rows[0] if k.startswith("i"))))
+    dt, half = np.median(np.diff(t)), 16
+    s = np.arange(-half, half + 1) / half
+    u = np.maximum(1 - s * s, 0)
+    bump = u**4 / np.sum(u**4)
+    first, second = -8 * s * u**3 / (half * dt) / np.sum(u**4), (-8 * u**3 + 48 * s * s * u**2) / (half * dt) ** 2 / np.sum(u**4)
+    smooth = lambda x, k: np.convolve(x - x[0], k[::-1], "valid")  # noqa: E731
+    rate, accel = -smooth(theta, first), smooth(theta, second)
+    torque = given * np.convolve(i, bump, "valid")
+    columns = [accel, rate]
+    left = torque[:: half // 2]
+    base = np.column_stack(columns)[:: half // 2]
+    extra = np.convolve(effect_column(rate, theta[half:-half]), bump, "same")[:: half // 2]
+    rms = lambda A: np.sqrt(np.mean((left - A @ np.linalg.lstsq(A, left, rcond=None)[0]) ** 2))  # noqa: E731
+    return rms(base), rms(np.column_stack([base, extra]))
+
+
+@pytest.mark.parametrize("effect, column", [("coulomb", lambda w, q: np.sign(w)), ("quadratic_drag", lambda w, q: np.abs(w) * w), ("constant_load", lambda w, q: np.ones_like(w))])
+def test_size_is_the_ratio_that_numpy_finds(tmp_path, effect, column):
+    sim, _ = run.programs()
+    measured = []
+    for seed in (1, 2, 5):
+        subprocess.run([sim, "case", "--seed", str(seed), "--effect", effect, "--size", "3", "--rate", "1000", "--train-s", "12", "--held-out-s", "4", "--out", str(tmp_path / "x"),
+                        "--truth", str(tmp_path / "t.json")], check=True, timeout=60)
+        known = json.loads((tmp_path / "x/case.json").read_text())
+        with open(tmp_path / "x/train.csv") as f:
+            rows = [{k: float(v) for k, v in r.items()} for r in csv.DictReader(f)]
+        if "theta_rad" not in rows[0] or not any(k.startswith("i") for k in rows[0]):
+            continue
+        without, with_it = regression(rows, known["given"].get("K_t_Nm_A", 1.0), column)
+        measured.append(without / with_it)
+    assert measured and all(2.3 < m < 3.6 for m in measured), measured  # no correction of the input's hold: near 3, not equal
