@@ -37,3 +37,22 @@ def test_damaged_and_textual(tmp_path):
     pq.write_table(pa.table({"t_s": [0.0, 1.0], "i_A": ["x", "y"]}), tmp_path / "s.parquet")
     with pytest.raises(FileError, match="'i_A'.*string"):
         driveid.read(tmp_path / "s.parquet")
+
+
+def test_mdf4(tmp_path):
+    asammdf = pytest.importorskip("asammdf", reason="SKIPPED BECAUSE asammdf (extra mdf) is not installed")
+    t = np.arange(200) * 1e-3
+    slow = np.arange(40) * 5e-3
+    file = asammdf.MDF()
+    file.append([asammdf.Signal(1000 * np.sin(t), t, name="Iq", unit="mA"), asammdf.Signal(np.arange(200, dtype=np.int32), t, name="pos")])
+    file.append([asammdf.Signal(20 + slow, slow, name="T_degC", unit="degC")])
+    file.save(tmp_path / "r.mf4")
+    r = driveid.read(tmp_path / "r.mf4", {"i_q_A": "Iq", "theta_rad": "pos:counts/100"})
+    assert r.rows == 200 and np.array_equal(r.t_ns, np.arange(200) * 1_000_000)
+    np.testing.assert_allclose(r["i_q_A"], np.sin(t), atol=1e-12)
+    np.testing.assert_allclose(r["theta_rad"], 2 * np.pi * np.arange(200) / 100)
+    inside = t <= slow[-1]
+    np.testing.assert_allclose(r["T_degC"][inside], 20 + t[inside], atol=1e-9)
+    (tmp_path / "bad.mf4").write_bytes(b"MDF     4.10    nothing behind it")
+    with pytest.raises(FileError, match="not a readable MDF"):
+        driveid.read(tmp_path / "bad.mf4")

@@ -3,6 +3,9 @@
 
 from __future__ import annotations
 
+import gc
+import sys
+import traceback
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +13,16 @@ import numpy as np
 from ..errors import FileError
 from .dbc import bring
 from .table import RawColumn, RawTable, to_ns
+
+
+def _forget(error: Exception) -> None:
+    """asammdf's half-made object complains when it is deleted: let it go now, unheard."""
+    hook, sys.unraisablehook = sys.unraisablehook, lambda *_: None
+    try:
+        traceback.clear_frames(error.__traceback__)
+        gc.collect()
+    finally:
+        sys.unraisablehook = hook
 
 
 def read_mdf(path: Path, digest: str) -> RawTable:
@@ -21,7 +34,9 @@ def read_mdf(path: Path, digest: str) -> RawTable:
         with MDF(path) as file:
             signals = [s for s in file.iter_channels(skip_master=True) if len(s.samples) and s.samples.ndim == 1 and s.samples.dtype.kind in "iufb"]
     except Exception as e:  # asammdf raises its own and struct's errors on a damaged file
-        raise FileError(path, f"is not a readable MDF file ({type(e).__name__}: {e})") from None
+        reason = f"{type(e).__name__}: {e}"
+        _forget(e)
+        raise FileError(path, f"is not a readable MDF file ({reason})") from None
     if not signals:
         raise FileError(path, "holds no numeric channel")
     stamps = [to_ns(np.asarray(s.timestamps, dtype=np.float64), 1.0) for s in signals]
