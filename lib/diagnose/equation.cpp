@@ -62,6 +62,14 @@ Eigen::VectorXd stack(const Equation &equation, const FineSignal &signal, int de
   return out;
 }
 
+double remove_drive(const Equation &equation, Eigen::Ref<Eigen::VectorXd> column) {
+  double square = equation.drive.squaredNorm();
+  if (!(square > 0)) return 0;
+  double part = equation.drive.dot(column) / square;
+  column -= part * equation.drive;
+  return part;
+}
+
 Eigen::MatrixXd effect_columns(const Equation &equation, const driveid_effect_info &info, const double *shape) {
   Eigen::MatrixXd out(Eigen::Index(equation.rows), info.columns);
   std::vector<double> fine[DRIVEID_EFFECT_COLUMNS_MAX];
@@ -123,7 +131,7 @@ void fit_whitening(Equation &equation, const Eigen::VectorXd &residual, int orde
   equation.ar.clear();
   if (count[0] > 20.0 * order && corr[0] > 0) {
     for (int j = 0; j <= order; ++j) corr[std::size_t(j)] /= std::max(1.0, count[std::size_t(j)]);
-    corr[0] *= 1.0005;   // a little white noise keeps the inverse filter tame where the kernel passes nothing
+    corr[0] *= 1.01;   // some white noise keeps the inverse filter tame where the kernel passes little
     std::vector<double> a(std::size_t(order), 0.0), previous;   // Levinson-Durbin
     double error = corr[0];
     for (int k = 0; k < order; ++k) {

@@ -57,7 +57,8 @@ struct Equation {
   double input_shift_s = 0;        // time to add to the stamps of the input: +dt/2 held, -dt/2 averaged over the sample before
   std::vector<Track> tracks;
   std::size_t rows = 0;
-  Eigen::VectorXd y;               // target, raw rows
+  Eigen::VectorXd y;               // target, raw rows: the drive less the given terms
+  Eigen::VectorXd drive;           // gain * drive, raw rows
   Eigen::MatrixXd base;            // free nominal columns, raw rows
   std::vector<BaseColumn> base_column;
   double floor_lo = 0;             // propagated sensor noise and quantisation, at these rows (RMS)
@@ -75,6 +76,9 @@ void apply_kernel(const Track &track, const std::vector<double> &x, int derivati
 // Stacked rows of a signal given per track.
 using FineSignal = std::function<void(const Track &, std::vector<double> &)>;
 Eigen::VectorXd stack(const Equation &equation, const FineSignal &signal, int derivative);
+
+// Takes the drive itself out of a column that is made from it: otherwise a sum of such columns could cancel the target.
+double remove_drive(const Equation &equation, Eigen::Ref<Eigen::VectorXd> column);
 
 // Columns of an effect at given shapes: rows x info->columns, raw.
 Eigen::MatrixXd effect_columns(const Equation &equation, const driveid_effect_info &info, const double *shape);

@@ -49,16 +49,18 @@ double norm2(const std::vector<double> &w) {
   return std::sqrt(s);
 }
 
-// Half width (s) that leaves the acceleration with at most 1 % noise power, between 4 samples and a twelfth of a second or 8 samples.
+// Half width (s) that leaves the acceleration with at most 1 % noise power: at least 12 ms (drives do little above 50 Hz) and 4 samples,
+// at most 80 ms or 8 samples.
 double choose_width(const Source &s) {
   const Prepared &r = *s.record;
   const bool from_speed = s.roles.position.empty();
   const std::string &name = from_speed ? s.roles.speed : s.roles.position;
   const double sigma = r.quality.at(name).noise;
-  const int most = std::max(8, int(0.08 / r.dt_s));
+  const int most = std::max(8, int(0.08 / r.dt_s)), least = std::max(4, int(0.012 / r.dt_s + 0.5));
   static const int widths[] = {4, 5, 6, 8, 10, 12, 15, 18, 22, 27, 33, 40, 50, 60, 75, 90, 110, 135, 165, 200, 250, 320, 400};
-  int best = 4;
+  int best = least;
   for (int h : widths) {
+    if (h < least && h < most) continue;
     if (h > most) break;
     best = h;
     Kernel k = make_kernel(h, r.dt_s);
@@ -173,7 +175,7 @@ void place_rows(Track &t, const Piece &p, int step, bool skip_rests, int &run) {
 void finish(Equation &e) {
   e.rows = 0;
   for (Track &t : e.tracks) t.first = e.rows, e.rows += t.row.size();
-  e.y = delayed_target(e, 0);
+  e.y = e.drive = delayed_target(e, 0);
   e.weight.assign(e.rows, 1.0);
 }
 
@@ -358,7 +360,8 @@ Equation mechanical(const driveid_model &model, const std::vector<Source> &sourc
   add_base(e, model, damping, motion, from_speed ? 0 : 1);
   Eigen::VectorXd before = delayed_target(e, 0);
   detect_hold(e, sources[0].record->dt_s, sources[0].record->hold, notices);
-  e.y += delayed_target(e, 0) - before;
+  e.drive = delayed_target(e, 0);
+  e.y += e.drive - before;
   reshift_states(e);
   make_blocks(e);
   return e;
@@ -409,7 +412,8 @@ Equation dc_voltage(const driveid_model &model, const std::vector<Source> &sourc
   }
   Eigen::VectorXd before = delayed_target(e, 0);
   detect_hold(e, dt0, sources[0].record->hold, notices);
-  e.y += delayed_target(e, 0) - before;
+  e.drive = delayed_target(e, 0);
+  e.y += e.drive - before;
   reshift_states(e);
   make_blocks(e);
   return e;
@@ -489,7 +493,8 @@ Equation dq_voltage(const driveid_model &model, const std::vector<Source> &sourc
   add_base(e, model, "psi_pm_Vs", emf, 0);
   Eigen::VectorXd before = delayed_target(e, 0);
   detect_hold(e, dt0, sources[0].record->hold, notices);
-  e.y += delayed_target(e, 0) - before;
+  e.drive = delayed_target(e, 0);
+  e.y += e.drive - before;
   reshift_states(e);
   make_blocks(e);
   return e;

@@ -51,6 +51,8 @@ Ranges ranges_of(const Equation &e) {
   return r;
 }
 
+bool made_of_drive(const Candidate &c);
+
 bool is(const Candidate &c, const char *name) { return c.info && !std::strcmp(c.info->name, name); }
 
 // Load position behind spring, damper and (with gap > 0) clearance, driven by the measured motor position. Written without
@@ -82,7 +84,17 @@ void load_position(const Track &t, double w, double zeta, double gap, std::vecto
   }
 }
 
+bool made_of_drive(const Candidate &c) { return is(c, "torque_saturation") || is(c, "torque_ripple") || is(c, "load_dependent_friction"); }
+
 }  // namespace
+
+// Coefficients of columns from which the drive was taken, back to coefficients of the columns themselves: the solution is
+// drive (1 + sum c part) - sum c column = inertia ..., so everything is divided by the factor of the drive.
+double drive_factor(const Term &term, const Eigen::VectorXd &linear) {
+  double factor = term.drive_scale == 1 ? 1.0 : 1.0 / term.drive_scale;
+  for (Eigen::Index k = 0; k < term.drive_part.size() && k < linear.size(); ++k) factor += linear[k] * term.drive_part[k];
+  return factor;
+}
 
 std::vector<Candidate> make_candidates(const Equation &e) {
   std::vector<Candidate> out;
@@ -264,8 +276,17 @@ Term realise(const Equation &e, const Candidate &c, const std::vector<double> &s
   }
   Eigen::MatrixXd m = effect_columns(e, *c.info, shape.data());
   if (c.info->fixed & 1) {
-    term.taken = m.col(0);
+    // The scale of the drive is free beside inertia and damping: what remains of it is brought back to its old size,
+    // lest a threshold that swallows the whole drive count as a perfect explanation.
+    Eigen::VectorXd rest = e.drive - m.col(0);
+    double scale = rest.dot(e.drive) / std::max(1e-300, e.drive.squaredNorm());
+    term.drive_scale = std::max(scale, 1e-3);
+    term.taken = e.drive - rest / term.drive_scale;
     term.column.resize(rows, 0);
+  } else if (made_of_drive(c) && !e.electrical) {
+    term.drive_part.resize(m.cols());
+    for (Eigen::Index k = 0; k < m.cols(); ++k) term.drive_part[k] = remove_drive(e, m.col(k));
+    term.column = std::move(m);
   } else {
     term.column = std::move(m);
   }
@@ -386,6 +407,7 @@ Equation thinned(const Equation &e, std::size_t wanted) {
   std::size_t rows = 0;
   for (Track &t : out.tracks) rows += t.row.size();
   out.y.resize(Eigen::Index(rows));
+  out.drive.resize(Eigen::Index(rows));
   out.base.resize(Eigen::Index(rows), e.base.cols());
   out.block.resize(rows);
   out.weight.assign(rows, 1.0);
@@ -393,6 +415,7 @@ Equation thinned(const Equation &e, std::size_t wanted) {
   for (Track &t : out.tracks) {
     const auto n = Eigen::Index(t.row.size()), from = Eigen::Index(t.first), to = Eigen::Index(rows);
     out.y.segment(to, n) = e.y.segment(from, n);
+    out.drive.segment(to, n) = e.drive.segment(from, n);
     out.base.middleRows(to, n) = e.base.middleRows(from, n);
     for (Eigen::Index k = 0; k < n; ++k) out.block[std::size_t(to + k)] = e.block[std::size_t(from + k)], out.weight[std::size_t(to + k)] = k < Eigen::Index(e.ar.size()) ? 0.0 : e.weight[std::size_t(from + k)];
     t.first = rows;

@@ -28,7 +28,11 @@ struct Candidate {
 struct Term {
   Eigen::MatrixXd column;
   Eigen::VectorXd taken;                       // empty: nothing
+  Eigen::VectorXd drive_part;                  // share of the drive that was removed from each column (empty: none)
+  double drive_scale = 1;                      // share of the drive that a known part leaves
 };
+// Factor of the drive in a solution with this term; physical coefficients are the solution's divided by it.
+double drive_factor(const Term &term, const Eigen::VectorXd &linear);
 
 // Nominal values that some terms need (inertia and damping for the false acceleration of an eccentric encoder).
 struct Nominal {

@@ -93,6 +93,13 @@ double Search::left(const View &v, const Candidate &c, const std::vector<double>
     zy -= a * linear;
   }
   double inertia = full_.base_column.empty() ? 0 : full_.base_column[0].given ? full_.base_column[0].value : zy[0] * v.scale[0];
+  if (t.drive_part.size()) {
+    double factor = drive_factor(t, linear);
+    if (!(factor > 0.2 && factor < 5)) return INFINITY;
+    linear /= factor;
+  } else if (t.drive_scale < 0.15) {
+    return INFINITY;
+  }
   if (!lawful(full_, c, shape, linear, inertia)) return INFINITY;
   return sse;
 }

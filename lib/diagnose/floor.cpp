@@ -8,7 +8,7 @@ namespace driveid::diagnose {
 namespace {
 
 constexpr double kTwoPi = 6.283185307179586;
-constexpr int kArOrder = 10;
+constexpr int kArOrder = 6;
 
 struct Axis {           // a coordinate at the fine grid, with knots at its quantiles
   std::function<double(const driveid_effect_state &)> of;
@@ -65,6 +65,11 @@ Eigen::MatrixXd product_columns(const Equation &e, const Value &factor, const Va
   return m;
 }
 
+Eigen::MatrixXd no_drive(const Equation &e, Eigen::MatrixXd m) {
+  for (Eigen::Index k = 0; k < m.cols(); ++k) remove_drive(e, m.col(k));
+  return m;
+}
+
 Eigen::MatrixXd beside(const Eigen::MatrixXd &a, const Eigen::MatrixXd &b) {
   Eigen::MatrixXd m(std::max(a.rows(), b.rows()), a.cols() + b.cols());
   if (a.cols()) m.leftCols(a.cols()) = a;
@@ -81,13 +86,19 @@ Eigen::MatrixXd harmonics(const Equation &e, const Value &factor, int from, int 
   return m;
 }
 
-// Rows of the driving channel shifted in time: any linear dynamics between input and motion shows here.
-Eigen::MatrixXd input_lags(const Equation &e) {
-  const double unit = std::max(e.tracks[0].dt_s, 0.3 * e.tracks[0].kernel.half * e.tracks[0].dt_s);
-  static const double lags[] = {-2, -1, 1, 2, 3, 5, 8, 12};
-  Eigen::MatrixXd m(Eigen::Index(e.rows), 8);
-  Eigen::VectorXd now = delayed_target(e, 0);
-  for (int j = 0; j < 8; ++j) m.col(j) = delayed_target(e, lags[j] * unit) - now;
+// The motion at other instants: linear dynamics between input and motion (delay, a spring) shows here.
+Eigen::MatrixXd motion_lags(const Equation &e) {
+  static const int lags[] = {-4, -2, -1, 1, 2, 3, 4, 6, 9};
+  const bool from_speed = !e.tracks[0].speed_raw.empty();
+  Eigen::MatrixXd m(Eigen::Index(e.rows), 9);
+  std::vector<double> x(e.rows), fine;
+  for (int j = 0; j < 9; ++j)
+    m.col(j) = stack(e, [&](const Track &t, std::vector<double> &f) {
+      const std::vector<double> &source = from_speed ? t.speed_raw : t.position;
+      const std::ptrdiff_t n = std::ptrdiff_t(source.size()), shift = std::lround(lags[j] * std::max(1.0, 0.3 * t.kernel.half));
+      f.resize(source.size());
+      for (std::ptrdiff_t k = 0; k < n; ++k) f[std::size_t(k)] = source[std::size_t(std::clamp<std::ptrdiff_t>(k + shift, 0, n - 1))] - source[std::size_t(k)];
+    }, from_speed ? 1 : 2);
   return m;
 }
 
@@ -120,18 +131,18 @@ void mechanical_families(const Equation &e, std::vector<Family> &out) {
       beside(one_column(e, one), beside(product_columns(e, one, speed, kw), product_columns(e, direction, [](const driveid_effect_state &s) { return std::fabs(s.speed); }, kabs))));
   add("position", {x}, {"gravity_unbalance", "cogging", "constant_load"}, product_columns(e, one, position, kx));
   if (rotary) add("turn", {x}, {"gravity_unbalance", "cogging"}, harmonics(e, one, 1, 8));
-  add("drive", {i}, {"torque_saturation", "dead_zone"}, product_columns(e, one, drive, ki));
+  add("drive", {i}, {"torque_saturation", "dead_zone"}, no_drive(e, product_columns(e, drive, drive, ki)));
   add("acceleration", {"acceleration"}, {}, product_columns(e, one, accel, ka));
   add("direction_position", {"direction", x}, {"eccentric_friction"}, beside(product_columns(e, direction, position, kx8), rotary ? harmonics(e, direction, 1, 4) : Eigen::MatrixXd(Eigen::Index(e.rows), 0)));
   add("damping_position", {w, x}, {}, product_columns(e, speed, position, kx8));
   add("inertia_position", {"acceleration", x}, {}, beside(product_columns(e, accel, position, kx8), rotary ? harmonics(e, accel, 1, 4) : Eigen::MatrixXd(Eigen::Index(e.rows), 0)));
-  add("drive_position", {i, x}, {"torque_ripple"}, beside(product_columns(e, drive, position, kx8), rotary ? harmonics(e, drive, 1, 8) : Eigen::MatrixXd(Eigen::Index(e.rows), 0)));
-  add("drive_speed", {i, w}, {"load_dependent_friction"}, beside(product_columns(e, drive, speed, kw), one_column(e, [](const driveid_effect_state &s) { return std::fabs(s.torque) * s.direction; })));
+  add("drive_position", {i, x}, {"torque_ripple"}, no_drive(e, beside(product_columns(e, drive, position, kx8), rotary ? harmonics(e, drive, 1, 8) : Eigen::MatrixXd(Eigen::Index(e.rows), 0))));
+  add("drive_speed", {i, w}, {"load_dependent_friction"}, no_drive(e, beside(product_columns(e, drive, speed, kw), one_column(e, [](const driveid_effect_state &s) { return std::fabs(s.torque) * s.direction; }))));
   add("turn_speed", {x, w}, {"encoder_eccentricity"}, rotary ? beside(harmonics(e, [](const driveid_effect_state &s) { return s.speed * s.speed; }, 1, 2), harmonics(e, speed, 1, 4)) : Eigen::MatrixXd(Eigen::Index(e.rows), 0));
   add("friction_time", {"direction", "t_s"}, {"friction_drift"}, beside(product_columns(e, direction, time, kt), product_columns(e, speed, time, kt)));
   add("inertia_time", {"acceleration", "t_s"}, {"inertia_change"}, product_columns(e, accel, time, knots(e, time, 12)));
   add("memory", {"travel since reversal"}, {"hysteresis", "lugre", "backlash"}, memories(e, range));
-  add("input_lags", {"rate of " + i}, {"delay", "compliance", "backlash"}, input_lags(e));
+  add("motion_lags", {"time since a change of the motion"}, {"delay", "compliance", "backlash"}, motion_lags(e));
   if (warm) {
     std::vector<double> kT = knots(e, temperature, 5);
     add("temperature", {"T_degC"}, {"friction_drift"}, beside(product_columns(e, one, temperature, kT), beside(product_columns(e, direction, temperature, kT), product_columns(e, speed, temperature, kT))));
@@ -158,7 +169,6 @@ void electrical_families(const Equation &e, std::vector<Family> &out) {
   add("emf_time", {"omega_rad_s", "t_s"}, {}, product_columns(e, speed, time, kt));
   add("current_speed", {"i_A", "omega_rad_s"}, {}, product_columns(e, current, speed, kw));
   if (e.tracks[0].state[0].has_temperature) add("resistance_temperature", {"i_A", "T_degC"}, {"resistance_drift"}, one_column(e, heated));
-  add("input_lags", {"rate of v_V"}, {"delay"}, input_lags(e));
   add("turn", {"theta_rad"}, {}, harmonics(e, one, 1, 3));
 }
 
