@@ -1,0 +1,128 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "daemon.hpp"
+
+#include <csignal>
+#include <stdexcept>
+#include <sys/epoll.h>
+#include <sys/signalfd.h>
+#include <unistd.h>
+
+#include <driveid/version.h>
+
+#include "base/clock.hpp"
+#include "system/notify.hpp"
+#include "system/sandbox.hpp"
+#include "system/state.hpp"
+
+namespace gw {
+
+Daemon::Daemon(Config config, RunOptions options)
+    : options_(options), control_(config.control, loop_, *this), gateway_(std::make_unique<Gateway>(std::move(config), loop_, &control_)),
+      second_(loop_, [this] { tick(); }), saver_(loop_, [this] { save(); }), watchdog_(loop_, [] { notify("WATCHDOG=1"); }),
+      started_ns_(monotonic_ns()), last_tick_ns_(started_ns_) {
+    log_listen([](void* self, const LogEvent& e) {
+        auto* d = static_cast<Daemon*>(self);
+        d->control_.event(e);
+        if (d->gateway_) d->gateway_->event(e);
+    }, this);
+}
+
+Daemon::~Daemon() { log_listen(nullptr, nullptr); }
+
+double Daemon::uptime_s() const { return double(monotonic_ns() - started_ns_) * 1e-9; }
+
+void Daemon::watch_signals() {
+    sigset_t set;
+    sigemptyset(&set);
+    for (int s : {SIGTERM, SIGINT, SIGHUP}) sigaddset(&set, s);
+    sigprocmask(SIG_BLOCK, &set, nullptr);
+    signal(SIGPIPE, SIG_IGN);
+    signals_.reset(signalfd(-1, &set, SFD_NONBLOCK | SFD_CLOEXEC));
+    loop_.add(signals_.get(), EPOLLIN, [this](uint32_t) { signalled(); });
+}
+
+void Daemon::signalled() {
+    signalfd_siginfo info;
+    while (read(signals_.get(), &info, sizeof info) == sizeof info) {
+        if (info.ssi_signo != SIGHUP) {
+            log_event(Level::info, "daemon", "stop", "", "stopped by signal %u", info.ssi_signo);
+            loop_.stop();
+            return;
+        }
+        std::vector<std::string> changed;
+        notify("RELOADING=1");
+        const std::string error = reload(changed);
+        if (!error.empty()) log_event(Level::error, "daemon", "reload", "mend the file; the old configuration stays", "%s", error.c_str());
+        else log_event(Level::info, "daemon", "reloaded", "", "configuration reloaded, %zu changes", changed.size());
+        notify("READY=1");
+    }
+}
+
+// Everything is built aside; only a whole new gateway takes the old one's place.
+std::string Daemon::reload(std::vector<std::string>& changed) {
+    ConfigResult result = config_read_file(gateway_->config().file);
+    std::string errors;
+    for (const auto& e : result.errors) errors += (errors.empty() ? "" : "\n") + e;
+    if (!errors.empty()) return errors;
+    try {
+        auto fresh = std::make_unique<Gateway>(std::move(result.config), loop_, &control_);
+        fresh->adopt(*gateway_, changed);
+        gateway_ = nullptr;  // closes ports and interfaces before they are opened anew
+        gateway_ = std::move(fresh);
+        gateway_->start();
+    } catch (const std::exception& e) {
+        return e.what();
+    }
+    return "";
+}
+
+void Daemon::tick() {
+    const int64_t now = monotonic_ns();
+    gateway_->tick(double(now - last_tick_ns_) * 1e-9);
+    last_tick_ns_ = now;
+    control_.tick();
+}
+
+void Daemon::save() {
+    const std::string& folder = gateway_->config().state.folder;
+    if (folder.empty()) return;
+    const std::string error = state_save(config_path(gateway_->config(), folder), gateway_->drives());
+    if (!error.empty()) log_event(Level::error, "state", "save", "make room or mend [state] folder; it is tried again", "%s", error.c_str());
+}
+
+bool Daemon::idle() {
+    const bool more = gateway_->work();
+    if (!ended_ && gateway_->replay_ended()) {
+        ended_ = true;
+        if (options_.exit_at_end) loop_.stop();
+    }
+    return more;
+}
+
+int Daemon::run() {
+    const Config& c = gateway_->config();
+    watch_signals();
+    set_scheduling(c.system);
+    control_.start();
+    if (!c.system.metrics.empty()) metrics_ = std::make_unique<Metrics>(c.system.metrics, loop_, *this);
+    if (!c.state.folder.empty()) {
+        const std::string restored = state_restore(config_path(c, c.state.folder), const_cast<std::vector<std::unique_ptr<Drive>>&>(gateway_->drives()));
+        if (!restored.empty()) log_event(Level::info, "state", "restored", "", "%s", restored.c_str());
+        saver_.start(int64_t(c.state.period_s * 1e9), int64_t(c.state.period_s * 1e9));
+    }
+    gateway_->start();
+    drop_privileges(c.security.user);
+    restrict_system_calls(c.security.seccomp);
+    second_.start(1000000000, 1000000000);
+    if (const int64_t period = watchdog_period_ns(); period > 0) watchdog_.start(period, period);
+    notify("READY=1");
+    log_event(Level::info, "daemon", "ready", "", "driveidd %s ready: %zu sources, %zu drives, %zu sinks", DRIVEID_VERSION, gateway_->sources().size(),
+              gateway_->drives().size(), gateway_->sinks().size());
+    loop_.idle([this] { return idle(); });
+    loop_.run();
+    notify("STOPPING=1");
+    save();
+    return 0;
+}
+
+}  // namespace gw

@@ -1,0 +1,269 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "drive/drive.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+
+#include "base/log.hpp"
+
+namespace gw {
+
+namespace {
+constexpr int64_t kAlarmHoldNs = 30 * DRIVEID_NS_PER_S;  // a restart is a mismatch for this long in the drive's time
+}
+
+const char* drive_state_name(DriveState state) {
+    static const char* const names[] = {"waiting", "identifying", "valid", "frozen", "stale", "error"};
+    return names[int(state)];
+}
+
+bool Drive::same_model(const Drive& o) const {
+    return memcmp(&model_, &o.model_, sizeof model_) == 0 && estimator_.size() == o.estimator_.size();
+}
+
+void Drive::take(const Drive& o) {
+    online_ = o.online_;
+    estimator_ = o.estimator_;
+    estimate_ = o.estimate_;
+    status_ = o.status_;
+    parameters_ = o.parameters_;
+    for (size_t k = 0; k < can_.size(); ++k) can_[k].scaler = o.can_[k].scaler;
+    for (size_t k = 0; k < registers_.size(); ++k) registers_[k].scaler = o.registers_[k].scaler;
+    counter_primed_ = o.counter_primed_, last_counter_ = o.last_counter_, instant_ns_ = o.instant_ns_;
+    aligner_ = o.aligner_;
+    counters_ = o.counters_;
+    first_ns_ = o.first_ns_, last_ns_ = o.last_ns_, next_report_ns_ = o.next_report_ns_, first_after_restart_ns_ = o.first_after_restart_ns_;
+    mean_dt_s_ = o.mean_dt_s_, jitter_ns_ = o.jitter_ns_, first_trusted_s_ = o.first_trusted_s_;
+    restarts_seen_ = o.restarts_seen_, alarm_ = o.alarm_, alarm_since_ns_ = o.alarm_since_ns_;
+}
+
+// The residual is that of the first equation: torque, force or voltage balance.
+const char* Drive::residual_unit() const {
+    switch (online_.model.structure) {
+        case DRIVEID_STRUCTURE_LINEAR_AXIS: return "N";
+        case DRIVEID_STRUCTURE_DC_CIRCUIT:
+        case DRIVEID_STRUCTURE_DC_DRIVE:
+        case DRIVEID_STRUCTURE_PMSM_DRIVE: return "V";
+        case DRIVEID_STRUCTURE_LTI: return "";
+        default: return "N m";
+    }
+}
+
+bool Drive::uses(int source) const {
+    return std::any_of(can_.begin(), can_.end(), [&](auto& s) { return s.source == source; }) ||
+           std::any_of(registers_.begin(), registers_.end(), [&](auto& s) { return s.source == source; });
+}
+
+// One frame may carry several signals: either all of them are read, or the frame is rejected and changes nothing.
+Fate Drive::frame(int source, const canfd_frame& f, bool extended, const driveid_stamp& stamp) {
+    const uint32_t id = f.can_id & (extended ? CAN_EFF_MASK : CAN_SFF_MASK);
+    bool mine = false;
+    if (config_.instant_can_id >= 0 && id == uint32_t(config_.instant_can_id)) {
+        instant_ns_ = stamp.t_ns;
+        mine = true;
+    }
+    for (const auto& s : can_) {
+        if (s.source != source || !s.field.matches(id, extended)) continue;
+        if (f.len < s.field.bytes() || f.can_id & CAN_RTR_FLAG) return ++counters_.rejected, Fate::rejected;
+        mine = true;
+    }
+    if (!mine) return Fate::unused;
+    if (counter_ && counter_source_ == source && counter_->matches(id, extended)) {
+        if (f.len < counter_->bytes()) return ++counters_.rejected, Fate::rejected;
+        if (counter_says_skip(f)) return Fate::used;
+    }
+    driveid_stamp when = stamp;
+    if (config_.instant_can_id >= 0 && instant_ns_ > 0 && stamp.t_ns - instant_ns_ < int64_t(config_.dt_s * 1e9)) when.t_ns = std::min(instant_ns_, stamp.t_ns);
+    uint32_t mask = 0;
+    double value[DRIVEID_SIGNAL_COUNT];
+    bool jump = false;
+    for (auto& s : can_) {
+        if (s.source != source || !s.field.matches(id, extended)) continue;
+        if (s.field.has_mux && s.field.mux.extract(f.data) != s.field.mux_value) continue;
+        const auto r = s.scaler.convert(s.field.bits.extract(f.data), when.t_ns, value[s.signal]);
+        if (r == Scaler::Result::out_of_range) return ++counters_.rejected, Fate::rejected;
+        jump |= r == Scaler::Result::jump;
+        mask |= 1u << s.signal;
+        if (s.delay_ns) {  // a value of its own age is handed over with its own stamp
+            driveid_stamp early = when;
+            early.t_ns -= s.delay_ns;
+            values(1u << s.signal, value, early);
+            mask &= ~(1u << s.signal);
+        }
+    }
+    if (jump) {
+        ++counters_.jumps;
+        log_event(Level::warning, config_.name.c_str(), "jump", "", "a value jumped faster than max_rate: an encoder was reset or the payload is corrupt");
+        gap(source, 0);
+    }
+    if (mask) values(mask, value, when);
+    return Fate::used;
+}
+
+Fate Drive::reply(int source, const ModbusReply& r, const driveid_stamp& stamp) {
+    uint32_t mask = 0;
+    double value[DRIVEID_SIGNAL_COUNT];
+    bool jump = false;
+    for (auto& s : registers_) {
+        const unsigned function = s.field.holding ? 3 : 4;
+        if (s.source != source || s.unit != r.unit || function != r.function || s.field.address < r.address ||
+            s.field.address + s.field.count > r.address + r.count)
+            continue;
+        const auto result = s.scaler.convert(s.field.extract(r.registers + (s.field.address - r.address)), stamp.t_ns, value[s.signal]);
+        if (result == Scaler::Result::out_of_range) return ++counters_.rejected, Fate::rejected;
+        jump |= result == Scaler::Result::jump;
+        mask |= 1u << s.signal;
+    }
+    if (!mask) return Fate::unused;
+    if (jump) {
+        ++counters_.jumps;
+        gap(source, 0);
+    }
+    values(mask, value, stamp);
+    return Fate::used;
+}
+
+// The frame's own counter tells loss, repetition and reordering apart.
+bool Drive::counter_says_skip(const canfd_frame& f) {
+    const uint64_t now = counter_->bits.extract(f.data);
+    const uint64_t range = counter_->bits.length >= 64 ? 0 : uint64_t(1) << counter_->bits.length;
+    const uint64_t step = range ? (now - last_counter_) & (range - 1) : now - last_counter_;
+    const bool first = !counter_primed_;
+    if (!first && step == 0) return ++counters_.duplicates, true;
+    if (!first && range && step > range / 2) return ++counters_.reordered, true;
+    counter_primed_ = true;
+    last_counter_ = now;
+    if (!first && step > 1) {
+        counters_.dropped += step - 1;
+        log_event(Level::warning, config_.name.c_str(), "lost", "", "%llu messages lost by their own counter", (unsigned long long)(step - 1));
+    }
+    return false;
+}
+
+void Drive::values(uint32_t mask, const double* value, const driveid_stamp& stamp) {
+    driveid_sample s;
+    if (aligner_.add(mask, value, stamp, s)) sample(s);
+}
+
+void Drive::gap(int source, uint64_t lost) {
+    if (!uses(source)) return;
+    counters_.dropped += lost;
+    ++counters_.gaps;
+    aligner_.restart();
+}
+
+void Drive::restart() {
+    driveid_estimator_restart(estimator());
+    for (auto& s : can_) s.scaler.forget();
+    for (auto& s : registers_) s.scaler.forget();
+    aligner_.restart();
+    status_ = DRIVEID_NOT_YET;
+    for (auto& p : parameters_) p.trusted = false;
+}
+
+// Slow means over about 100 samples: the first sample after a gap is no jitter.
+void Drive::timing(int64_t t_ns) {
+    const double dt = double(t_ns - last_ns_) * 1e-9;
+    const double longest = config_.gap_s > 0 ? config_.gap_s : 5 * config_.dt_s;
+    if (samples() < 2 || dt > longest) return;
+    mean_dt_s_ += (mean_dt_s_ == 0 ? 1.0 : 0.01) * (dt - mean_dt_s_);
+    const double deviation = (dt - mean_dt_s_) * 1e9;
+    jitter_ns_ = std::sqrt(jitter_ns_ * jitter_ns_ * 0.99 + 0.01 * deviation * deviation);
+}
+
+void Drive::sample(const driveid_sample& s) {
+    if (samples() == 1 || first_ns_ == 0) first_ns_ = s.stamp.t_ns;
+    if (aligner_.new_time_line()) {
+        log_event(Level::warning, config_.name.c_str(), "time-line", "", "stamps went back for good: a new time line begins");
+        driveid_estimator_restart(estimator());
+        first_ns_ = next_report_ns_ = s.stamp.t_ns;
+        mean_dt_s_ = jitter_ns_ = 0;
+    } else {
+        timing(s.stamp.t_ns);
+    }
+    last_ns_ = s.stamp.t_ns;
+    listener_.on_sample(index_, s);
+    const driveid_status filled = driveid_online_channels(&online_, &s, channel_);
+    if (filled != DRIVEID_OK) {
+        if (filled < 0) status_ = filled;
+        return;
+    }
+    const driveid_status updated = driveid_estimator_update(estimator(), s.stamp.t_ns, channel_);
+    if (updated == DRIVEID_GAP) ++counters_.gaps;
+    if (updated == DRIVEID_ERR_TIME) ++counters_.reordered;
+    if (updated == DRIVEID_ERR_VALUE) ++counters_.rejected;
+    if (s.stamp.t_ns < next_report_ns_ && next_report_ns_ - s.stamp.t_ns <= int64_t(config_.report_s * 1e9)) return;
+    next_report_ns_ = s.stamp.t_ns + int64_t(config_.report_s * 1e9);
+    report();
+}
+
+void Drive::report() {
+    driveid_estimate e;
+    const driveid_status status = driveid_estimator_estimate(estimator(), &e);
+    const bool written = status == DRIVEID_OK || status == DRIVEID_WEAK_EXCITATION || status == DRIVEID_RANK;
+    status_ = status;
+    if (written) {
+        estimate_ = e;
+        residual_alarm(e);
+        driveid_param physical[DRIVEID_THETA_MAX];
+        uint32_t valid_mask = 0;
+        if (driveid_online_physical(&online_, &e, physical, &valid_mask) == DRIVEID_OK) {
+            for (size_t k = 0; k < parameters_.size(); ++k) {
+                ParameterReport& p = parameters_[k];
+                p.trusted = valid_mask >> k & 1u;
+                if (!p.trusted) continue;
+                p.known = true;
+                p.value = physical[k].value, p.lo = physical[k].lo, p.hi = physical[k].hi;
+                p.t_ns = e.t_ns;
+                p.restored_age_s = -1;
+            }
+            const bool all = std::all_of(parameters_.begin(), parameters_.end(), [](auto& p) { return p.trusted; });
+            if (all && first_trusted_s_ < 0) first_trusted_s_ = double(e.t_ns - first_ns_) * 1e-9;
+        }
+    }
+    listener_.on_report(index_);
+}
+
+void Drive::residual_alarm(const driveid_estimate& e) {
+    if (e.restarts > restarts_seen_) {
+        log_event(Level::warning, config_.name.c_str(), "residual", "explain the record: driveid explain", "the residual left its level: the drive changed, or the model lacks an effect");
+        if (!alarm_) alarm_since_ns_ = e.t_ns;
+        alarm_ = true;
+        first_after_restart_ns_ = e.t_ns;
+    } else if (alarm_ && e.t_ns - first_after_restart_ns_ > kAlarmHoldNs) {
+        alarm_ = false;
+    }
+    restarts_seen_ = e.restarts;
+}
+
+DriveState Drive::state(int64_t now_ns) const {
+    if (status_ < 0) return DriveState::error;
+    if (samples() == 0) return DriveState::waiting;
+    const bool silent = !replayed_ && double(now_ns - last_ns_) * 1e-9 > config_.stale_s;
+    if (silent) return DriveState::stale;
+    if (status_ == DRIVEID_FROZEN) return DriveState::frozen;
+    if (std::any_of(parameters_.begin(), parameters_.end(), [](auto& p) { return p.trusted; })) return DriveState::valid;
+    return DriveState::identifying;
+}
+
+bool Drive::valid(const ParameterReport& p, int64_t now_ns) const {
+    if (!p.known || !p.trusted) return false;
+    const DriveState s = state(now_ns);
+    return s == DriveState::valid || s == DriveState::frozen;
+}
+
+double Drive::age_s(const ParameterReport& p, int64_t now_ns) const {
+    const int64_t now = replayed_ ? last_ns_ : now_ns;
+    return p.restored_age_s >= 0 ? p.restored_age_s + double(now_ns - p.t_ns) * 1e-9 : double(now - p.t_ns) * 1e-9;
+}
+
+DriveCounters Drive::counters() const {
+    DriveCounters c = counters_;
+    c.dropped += aligner_.counters().incomplete;
+    c.duplicates += aligner_.counters().duplicates;
+    c.reordered += aligner_.counters().late;
+    return c;
+}
+
+}  // namespace gw

@@ -1,0 +1,121 @@
+// SPDX-License-Identifier: Apache-2.0
+// Building a drive from its configuration: model, signals, estimator.
+#include <cstring>
+#include <fstream>
+#include <sstream>
+#include <stdexcept>
+
+#include <driveid/model_file.h>
+
+#include "drive/drive.hpp"
+
+namespace gw {
+
+namespace {
+
+int source_index(const std::vector<SourceConfig>& sources, const std::string& name) {
+    for (size_t k = 0; k < sources.size(); ++k)
+        if (sources[k].name == name) return int(k);
+    return -1;
+}
+
+std::string where(const Config& all, const DriveConfig& drive) {
+    return all.file + ":" + std::to_string(drive.place.line) + ": drive \"" + drive.name + "\": ";
+}
+
+const char* clean(const char* reason, driveid_status status) { return *reason ? reason : driveid_status_text(status); }
+
+}  // namespace
+
+Drive::Drive(const DriveConfig& config, const Config& all, int index, DriveListener& listener) : config_(config), index_(index), listener_(listener) {
+    load_model(all);
+    make_signals(all);
+}
+
+void Drive::load_model(const Config& all) {
+    char reason[512] = "";
+    if (!config_.model.empty()) {
+        const std::string path = config_path(all, config_.model);
+        std::ifstream file(path, std::ios::binary);
+        std::stringstream text;
+        text << file.rdbuf();
+        if (!file) throw std::runtime_error(where(all, config_) + "model " + path + " cannot be read; check its name and permissions");
+        const driveid_status s = driveid_model_read(text.str().c_str(), &model_, reason, sizeof reason);
+        if (s != DRIVEID_OK) throw std::runtime_error(where(all, config_) + "model " + path + ": " + clean(reason, s));
+    } else {
+        driveid_structure structure;
+        if (driveid_structure_from_name(config_.structure.c_str(), &structure) != DRIVEID_OK || driveid_model_init(&model_, structure) != DRIVEID_OK)
+            throw std::runtime_error(where(all, config_) + "unknown structure \"" + config_.structure + "\"");
+    }
+    for (const auto& [name, value] : config_.given)
+        if (driveid_model_give(&model_, name.c_str(), value) != DRIVEID_OK)
+            throw std::runtime_error(where(all, config_) + "given." + name + ": structure " + driveid_structure_name(model_.structure) + " has no such parameter, or the value is out of range");
+    for (const auto& effect : config_.effects) {
+        const driveid_status s = driveid_model_add(&model_, effect.c_str(), nullptr, nullptr, reason, sizeof reason);
+        if (s != DRIVEID_OK) throw std::runtime_error(where(all, config_) + "effect " + effect + ": " + clean(reason, s));
+    }
+}
+
+void Drive::make_signals(const Config& all) {
+    AlignOptions align;
+    uint32_t present = 0;
+    for (const SignalConfig& c : config_.signals) {
+        driveid_signal signal;
+        driveid_signal_from_name(c.name.c_str(), &signal);
+        const int source = source_index(all.sources, c.source);
+        const SourceConfig& from = all.sources[size_t(source)];
+        replayed_ |= from.kind == "replay";
+        present |= 1u << signal;
+        (c.wait ? align.waited : align.others) |= 1u << signal;
+        if (c.address >= 0) {
+            const RegisterField field(c);
+            registers_.push_back({source, signal, field, Scaler(c, field.number, field.count * 16u), uint8_t(from.unit)});
+        } else {
+            const CanField field(c);
+            can_.push_back({source, signal, field, Scaler(c, field.number, field.bits.length), int64_t(c.delay_s * 1e9)});
+        }
+    }
+    if (config_.has_counter) {
+        counter_ = std::make_unique<CanField>(config_.counter);
+        counter_source_ = source_index(all.sources, config_.counter.source);
+    }
+    align.tolerance_ns = int64_t((config_.align_tolerance_s > 0 ? config_.align_tolerance_s : config_.sync.empty() ? 0.5 * config_.dt_s : config_.dt_s) * 1e9);
+    if (!config_.sync.empty()) {
+        driveid_signal sync;
+        driveid_signal_from_name(config_.sync.c_str(), &sync);
+        align.sync = sync;
+    }
+    aligner_ = Aligner(align);
+    try {
+        make_estimator(present);
+    } catch (const std::runtime_error& e) {
+        throw std::runtime_error(where(all, config_) + e.what());
+    }
+}
+
+void Drive::make_estimator(uint32_t present) {
+    char reason[512] = "";
+    driveid_status s = driveid_online_init(&online_, &model_, present, reason, sizeof reason);
+    if (s != DRIVEID_OK) throw std::runtime_error(clean(reason, s));
+    if (online_.present & ~present) throw std::runtime_error("a signal that the structure needs is not configured");
+    const driveid_real type = config_.type == "f32" ? DRIVEID_F32 : config_.type == "q31" ? DRIVEID_Q31 : DRIVEID_F64;
+    const size_t size = driveid_estimator_size(config_.method.c_str(), type);
+    if (size == 0) throw std::runtime_error("method \"" + config_.method + "\" does not exist in type " + config_.type + "; use method \"fsm\" with f64 or f32");
+    estimator_.assign((size + sizeof(std::max_align_t) - 1) / sizeof(std::max_align_t), {});
+    driveid_estimator_options options{};
+    options.dt_s = config_.dt_s;
+    options.bandwidth_rad_s = config_.bandwidth_rad_s;
+    options.forgetting_s = config_.forgetting_s;
+    options.gap_s = config_.gap_s;
+    options.alarm = config_.alarm;
+    s = driveid_estimator_configure(estimator(), size, config_.method.c_str(), type, &online_.regression, &options, reason, sizeof reason);
+    if (s != DRIVEID_OK) throw std::runtime_error(clean(reason, s));
+    parameters_.resize(online_.physical);
+    for (size_t k = 0; k < parameters_.size(); ++k) {
+        snprintf(parameters_[k].name, sizeof parameters_[k].name, "%s", online_.physical_name[k]);
+        const driveid_param* p = driveid_model_param(&online_.model, online_.physical_name[k]);
+        if (p) snprintf(parameters_[k].unit, sizeof parameters_[k].unit, "%s", p->unit);
+    }
+}
+
+}  // namespace gw
