@@ -84,12 +84,6 @@ static double parzen(double x) {
     return x < 0.5 ? 1 - 6 * x * x * (1 - x) : 2 * (1 - x) * (1 - x) * (1 - x);
 }
 
-static double mean(const double *x, int n) {
-    double sum = 0;
-    for (int i = 0; i < n; i++) sum += x[i];
-    return sum / n;
-}
-
 /* Lags that the window must reach: well beyond the last one at which the residual is clearly correlated. */
 static int lags_needed(const double *r, double rows) {
     int last = 0;
@@ -109,7 +103,9 @@ static double add_score(const driveid_fsm_common *common, const fsm_sums *sums, 
     double r[FSM_LAGS];
     for (int lag = 0; lag < FSM_LAGS; lag++) r[lag] = quadratic(q, sums->g[lag], theta) / sums->weight2;
     const int lags = lags_needed(r, rows);
-    *settled = lags < FSM_LAGS || mean(r + FSM_LAGS / 2, FSM_LAGS / 2) < 0.1 * r[0];
+    double tail = 0;
+    for (int lag = FSM_LAGS / 4; lag < FSM_LAGS; lag++) tail += r[lag] / (FSM_LAGS - FSM_LAGS / 4);
+    *settled = tail < 0.12 * r[0];
     const double band = fmin(rows, 3.7 * rows / lags), freedom = fmax(1, band - q->params - q->order);
     const double scale = band / freedom / (coarse * coarse * variance * variance);
     for (int lag = 0; lag < lags; lag++) {

@@ -5,7 +5,7 @@
 
 #include "fsm_state.h"
 
-#define FSM_SMALL(real) (sizeof(real) == 4 ? 3e-6 : 1e-11)
+#define FSM_SMALL 1e-11
 #define FSM_PACKED (DRIVEID_THETA_MAX + 1)
 
 /* Sums of one equation at one stage without initial conditions, (params + 1) square, the last row and column is y. */

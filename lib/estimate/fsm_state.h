@@ -17,7 +17,8 @@
 
 #define FSM_STAGES 5
 #define FSM_STAGE_RATIO 5.0
-#define FSM_COARSE_S 0.02    /* longest coarse row */
+#define FSM_COARSE_FIRST 1.5 /* coarse row of the first stage, of the others: times 1/bandwidth */
+#define FSM_COARSE_LATER 4.0
 #define FSM_LAGS 16          /* lag 0 .. 15 of coarse rows */
 #define FSM_COLUMNS_MAX (DRIVEID_THETA_MAX + DRIVEID_ORDER_MAX + 1)
 #define FSM_POOL 20480       /* numbers; configure refuses what does not fit */
