@@ -87,13 +87,13 @@ def explain(verdict: str = "missing") -> dict:
         ranked = [dict(c, accepted=False) for c in ranked] if verdict == "unknown" else []
     x = np.linspace(0.1, 6.2, 40)
     doc |= {"verdict": verdict, "ranked": ranked,
-            "where": [{"coordinate": "omega_rad_s", "range": [-5.0, 5.0], "share": 0.41, "of_time": 0.08, "significant": True},
-                      {"coordinate": "direction", "label": "reversals", "share": 0.33, "of_time": 0.05, "significant": True},
-                      {"coordinate": "acceleration", "label": "above 300 rad/s²", "share": 0.04, "of_time": 0.11, "significant": False}],
+            "where": [{"equation": "tau_Nm", "axis": "speed", "regime": "speed from 0 to 5 rad/s", "range": [0.0, 5.0], "share": 0.33, "rows": 0.08, "statistic": 9.0, "bound": 3.0, "significant": True},
+                      {"equation": "tau_Nm", "axis": "direction", "regime": "forward", "share": 0.41, "rows": 0.5, "statistic": 9.0, "bound": 3.0, "significant": True},
+                      {"equation": "tau_Nm", "axis": "acceleration", "regime": "acceleration from 300 to 400 rad/s^2", "share": 0.44, "rows": 0.11, "statistic": 1.0, "bound": 3.0, "significant": False}],
             "error_before": {"training": _set(0.0113, (2.6e-4, 3.1e-4)), "held_out": _set(0.0117, (2.6e-4, 3.1e-4))},
             "error_after": {"training": _set(3.0e-4, (2.6e-4, 3.1e-4)), "held_out": _set(3.1e-4, (2.6e-4, 3.1e-4))},
             "next_record": {"motion": "Move slowly through zero speed, both ways, for 20 s.", "why": "Stribeck and Coulomb differ only below 3 rad/s.",
-                            "separates": ["coulomb", "stribeck"], "table": [{"t_s": 0.0, "omega_rad_s": -3.0}, {"t_s": 10.0, "omega_rad_s": 3.0}]},
+                            "separates": ["coulomb", "stribeck"], "set_points": [{"t_s": 0.0, "omega_rad_s": -3.0}, {"t_s": 10.0, "omega_rad_s": 3.0}]},
             "shape": {"coordinates": ["theta_rad"], "table": [[float(a), float(0.002 * np.sin(3 * a) ** 3)] for a in x], "unit": "N m"} if verdict == "unknown" else None}
     return doc
 
@@ -111,5 +111,6 @@ def improve() -> dict:
     doc = _common([{"name": "coulomb", "parameters": COULOMB}])
     first = explain()
     after = {"training": _set(3.0e-4, (2.6e-4, 3.1e-4)), "held_out": _set(3.1e-4, (2.6e-4, 3.1e-4))}
-    return doc | {"error_before": first["error_before"], "ends": "noise_floor", "model_toml": MODEL,
-                  "steps": [{"effect": "coulomb", "parameters": COULOMB, "share_left": 0.01, **after}]}
+    before = {"effect": None, "parameters": {}, "share_left": 1.0, **first["error_before"]}
+    return doc | {"ends": "noise_floor", "model_toml": MODEL,
+                  "steps": [before, {"effect": "coulomb", "parameters": COULOMB, "share_left": 0.01, **after}]}

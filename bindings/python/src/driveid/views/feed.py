@@ -88,8 +88,14 @@ class Feed:
                 raise ValueError("the gateway sent a line that is too long")
             for line in lines:
                 if line:
-                    self._take(json.loads(line))
+                    self._understand(line)
             self.changed()
+
+    def _understand(self, line: bytes) -> None:
+        try:
+            self._take(json.loads(line))
+        except (ValueError, KeyError, TypeError, AttributeError, IndexError) as error:
+            raise ValueError(f"what listens at {self.path} does not speak the control protocol ({line[:40]!r})") from error
 
     def _take(self, message: dict) -> None:
         future = self._waiting.pop(message.get("id"), None) if "event" not in message else None

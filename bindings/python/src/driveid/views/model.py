@@ -181,7 +181,7 @@ class Test:
 class Regime:
     """A part of the record (a speed range, a direction, ...) and how much of the removable error it holds."""
 
-    coordinate: str
+    axis: str
     label: str
     share: float
     of_time: float | None = None
@@ -199,6 +199,7 @@ class Candidate:
     parameters: list[Parameter]
     ties: list[str]
     why: str = ""
+    equation: str = ""
 
     @property
     def title(self) -> str:
@@ -208,7 +209,7 @@ class Candidate:
     def of(cls, data: dict) -> Candidate:
         ties = [t if isinstance(t, str) else t.get("effect", "") for t in data.get("not_told_apart_from") or []]
         return cls(data.get("effect", ""), bool(data.get("accepted", False)), _number(data.get("share")), _number(data.get("confidence")),
-                   parameters_of(data.get("parameters"), data.get("effect", "")), ties, data.get("why") or data.get("reason") or "")
+                   parameters_of(data.get("parameters"), data.get("effect", "")), ties, data.get("why_not") or "", data.get("equation") or "")
 
 
 @dataclass(frozen=True)
@@ -222,9 +223,7 @@ class NextRecord:
     def of(cls, data: Any) -> NextRecord | None:
         if not isinstance(data, dict) or not data.get("motion"):
             return None
-        motion, table = data["motion"], data.get("table") or data.get("set_points") or []
-        if isinstance(motion, dict):
-            table, motion = motion.get("table") or motion.get("set_points") or table, motion.get("words") or motion.get("text") or ""
+        motion, table = data["motion"], data.get("set_points") or []
         return cls(str(motion), str(data.get("why") or ""), [str(s) for s in data.get("separates") or []],
                    [row for row in table if isinstance(row, dict)])
 
@@ -333,30 +332,15 @@ def _tests(data: dict) -> list[tuple[str, list[Test]]]:
     return out
 
 
-def _label(item: dict) -> str:
-    if item.get("label") or item.get("regime"):
-        return str(item.get("label") or item.get("regime"))
-    bounds = _pair(item.get("range"))
-    if bounds:
-        unit = item.get("unit") or units.split_name(str(item.get("coordinate", "")))[1]
-        return f"{units.number(bounds[0], unit, 3)} … {units.number(bounds[1], unit, 3)}"
-    return str(item.get("value", ""))
-
-
 def regimes_of(where: Any) -> list[Regime]:
-    """Regimes by falling share of the error. Accepts a list, or an object with a list under ``regimes``."""
-    if isinstance(where, dict):
-        where = where.get("regimes") or where.get("ranked") or []
+    """Regimes, those that chance does not explain first, by falling share of the error."""
     out = []
     for item in where if isinstance(where, list) else []:
         if not isinstance(item, dict) or _number(item.get("share")) is None:
             continue
         lo, hi = _pair(item.get("range")) or (None, None)
-        significant = item.get("significant", item.get("passed", True))
-        of_time = item.get("of_time", item.get("of_samples", item.get("fraction")))
-        out.append(Regime(str(item.get("coordinate") or item.get("axis") or ""), _label(item), float(item["share"]),
-                          _number(of_time), bool(significant), lo, hi))
-    return sorted(out, key=lambda r: -r.share)
+        out.append(Regime(str(item.get("axis") or ""), str(item.get("regime") or ""), float(item["share"]), _number(item.get("rows")), bool(item.get("significant", True)), lo, hi))
+    return sorted(out, key=lambda r: (not r.significant, -r.share))
 
 
 def _list(names: list[str]) -> str:
@@ -401,20 +385,16 @@ def _answer(data: dict) -> Answer | None:
 
 def _steps(data: dict) -> list[Step]:
     out = []
-    before = _sides(data.get("error_before"))
-    if any(before):
-        out.append(Step("", *before))
     for item in data.get("steps") or []:
         training, held_out = ErrorSet.of(item.get("training")), ErrorSet.of(item.get("held_out"))
-        if not training and not held_out:
-            training, held_out = _sides(item.get("error_after") or item.get("error"))
         out.append(Step(item.get("effect") or "", training, held_out, parameters_of(item.get("parameters"), item.get("effect") or ""),
                         _number(item.get("share_left"))))
     return out
 
 
 def _notices(data: dict) -> list[str]:
-    return [n if isinstance(n, str) else str(n.get("text") or n.get("message") or n) for n in data.get("notices") or []]
+    texts = [n if isinstance(n, str) else ": ".join(str(n[k]) for k in ("record", "text") if n.get(k)) for n in data.get("notices") or []]
+    return list(dict.fromkeys(texts))
 
 
 def document(data: dict) -> Document:

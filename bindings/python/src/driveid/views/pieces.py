@@ -111,8 +111,7 @@ def regimes(items: list[Regime], most: int = 10) -> str:
     for r in items[:most]:
         weak = "" if r.significant else " weak"
         time = f" in {units.percent(r.of_time)} of the time" if r.of_time is not None else ""
-        coordinate = units.symbol_html(r.coordinate) if "_" in r.coordinate and units.split_name(r.coordinate)[1] else escape(r.coordinate.replace("_", " "))
-        cells.append(f'<span class="coordinate{weak}">{coordinate}</span><span class="{weak.strip()}">{escape(r.label)}</span>'
+        cells.append(f'<span class="coordinate{weak}">{escape(r.axis)}</span><span class="{weak.strip()}">{escape(r.label)}</span>'
                      f'<span class="track{weak}" title="{units.percent(r.share)}{time}"><span class="fill" style="display:block;width:{100 * max(r.share, 0) / longest:.1f}%"></span></span>'
                      f'<span class="share">{units.percent(r.share)}</span>')
     return f'<div class="bars">{"".join(cells)}</div>'
@@ -124,7 +123,7 @@ def candidate_rows(items: list[Candidate]) -> str:
         values = "; ".join(f"{units.symbol_html(p.name)} = {escape(p.text)}" for p in c.parameters)
         ties = f'not told apart from {escape(", ".join(effect_title(t) for t in c.ties))}' if c.ties else ""
         verdict = tag("missing", "warn") if c.accepted else tag("rejected")
-        rows.append([f'<b>{escape(c.title)}</b><br><code class="soft">{escape(c.effect)}</code>', verdict, units.percent(c.share),
+        rows.append([f'<b>{escape(c.title)}</b><br><code class="soft">{escape(c.equation or c.effect)}</code>', verdict, units.percent(c.share),
                      units.percent(c.confidence) if c.confidence is not None else "", values or escape(c.why), ties])
     return table(["effect", "", "explains", "confidence", "parameters", ""], rows, {2, 3}) if rows else ""
 

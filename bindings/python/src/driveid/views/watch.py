@@ -47,7 +47,7 @@ def drive_view(gateway: Gateway, drive: dict, width: int) -> RenderableType:
     if not gateway.connected:
         words, kind = "not seen: the gateway is away", "soft"
     lamp_kind, lamp_words = lamp(drive) if gateway.connected else ("soft", "")
-    top = Text.from_markup(f"[b]{escape(drive['name'])}[/] [grey62]{escape(str(drive.get('structure', '')))} {escape(str(drive.get('method', '')))}[/]  "
+    top = Text.from_markup(f"[b]{escape(drive['name'])}[/]  "
                            f"{_lamp(kind, words)}  {_lamp(lamp_kind, lamp_words) if lamp_words else ''}")
     top.truncate(width, overflow="ellipsis")
     table = Table.grid(padding=(0, 2))
@@ -63,7 +63,7 @@ def drive_view(gateway: Gateway, drive: dict, width: int) -> RenderableType:
     if "samples" in drive:
         jitter = units.number((drive.get("jitter_ns") or 0) * 1e-9, "s", 3)
         parts.append(Text(f"  {units.number(drive.get('rate_Hz'), 'Hz', 4)}  jitter {jitter}  drops {drive.get('dropped', 0)}  gaps {drive.get('gaps', 0)}  "
-                          f"restarts {drive.get('restarts', 0)}", style="grey62", no_wrap=True, overflow="ellipsis"))
+                          f"restarts {drive.get('restarts', 0)}  {drive.get('structure', '')} {drive.get('method', '')}", style="grey62", no_wrap=True, overflow="ellipsis"))
     return Group(*parts)
 
 
@@ -147,6 +147,8 @@ class Watch(App):
 
     def show(self) -> None:
         """Draw what is known; a paused screen keeps its figures, and its head goes on."""
+        if not self.is_running or not self.query("#head"):
+            return  # the last tick may come when the screen is gone already
         now = time.monotonic()
         self.query_one("#head", Static).update(headline(self.gateway, self.paused, now))
         if self.paused:

@@ -147,13 +147,17 @@ def _regimes(engine: Engine, project: Project, chain: Chain, doc: view.Document,
     return doc.regimes or view.document(engine.explained(project, chain, tell)).regimes
 
 
+_CLOUD_OF_AXIS = {"speed": "speed", "acceleration": "acceleration", "current": "current", "drive": "current", "temperature": "temperature", "time": "t_s", "position": "position"}
+
+
 def _box(regime: view.Regime, known: list[Coordinate]) -> dict | None:
     """The cloud and range that a regime stands for, so that a click on it selects its points."""
-    keys = {"omega_rad_s": "speed", "v_m_s": "speed", "theta_rad": "turn", "x_m": "position", "i_q_A": "current", "i_A": "current", "tau_Nm": "current", "F_N": "current", "T_degC": "temperature"}
-    key = keys.get(regime.coordinate, regime.coordinate)
+    if regime.axis == "direction":
+        return {"key": "direction", "lo": 0.5, "hi": 1.5} if regime.label == "forward" else {"key": "direction", "lo": -1.5, "hi": -0.5}
+    key = _CLOUD_OF_AXIS.get(regime.axis)
     if regime.lo is None or key not in {c.key for c in known}:
         return None
-    return {"key": key, "lo": regime.lo, "hi": regime.hi}
+    return {"key": key, "lo": regime.lo, "hi": regime.hi, "abs": regime.axis in ("speed", "acceleration", "current", "drive")}
 
 
 def missing_page(engine: Engine, project: Project, chain: Chain, tell: Progress) -> dict:
@@ -170,7 +174,7 @@ def _card(candidate: view.Candidate, answer: view.Answer) -> dict:
     ties = [{"name": t, "title": view.effect_title(t)} for t in candidate.ties]
     values = "; ".join(f"{units.symbol_html(p.name)} = {escape(p.text)}" for p in candidate.parameters)
     return {"effect": candidate.effect, "title": candidate.title, "accepted": candidate in answer.accepted, "share": units.percent(candidate.share),
-            "confidence": units.percent(candidate.confidence) if candidate.confidence is not None else "", "parameters": values, "ties": ties, "why": candidate.why}
+            "confidence": units.percent(candidate.confidence) if candidate.confidence is not None else "", "parameters": values, "ties": ties, "why": candidate.why, "equation": candidate.equation}
 
 
 def evidence(engine: Engine, project: Project, chain: Chain, effect: str, record: int, tell: Progress) -> dict:

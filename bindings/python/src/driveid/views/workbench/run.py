@@ -36,7 +36,7 @@ def build(projects: Projects, control_socket: str, port: int, token: str, host: 
     names = {host, LOOPBACK, "localhost"} if host in (LOOPBACK, "localhost") else {host, LOOPBACK, "localhost", sockets.gethostname(), sockets.getfqdn()}
     hosts = {f"{name.lower()}:{port}" for name in names}
     address = f"http://{host if host != '0.0.0.0' else sockets.gethostname()}:{port}/?token={token}"
-    return TokenGate(workbench.application(), token, hosts, port), address
+    return TokenGate(workbench, token, hosts, port), address
 
 
 def run(project: Project | None = None, control_socket: str = "/run/driveid/control.sock", host: str = LOOPBACK, port: int = 0, browser: bool = True, say: Callable[[str], None] = print) -> None:

@@ -17,8 +17,9 @@ HEADERS = [
 class TokenGate:
     """ASGI layer round the whole application: nothing, not even a style sheet, is given without the token."""
 
-    def __init__(self, app, token: str, hosts: set[str], port: int) -> None:
-        self.app, self.token, self.hosts, self.port = app, token, hosts, port
+    def __init__(self, workbench, token: str, hosts: set[str], port: int) -> None:
+        self.workbench, self.app = workbench, workbench.application()
+        self.token, self.hosts, self.port = token, hosts, port
         self.cookie = f"driveid_{port}"
 
     async def __call__(self, scope, receive, send) -> None:

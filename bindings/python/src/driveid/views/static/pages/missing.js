@@ -18,6 +18,7 @@ function card(c, base, signal) {
     el("header", {}, el("h2", {}, c.title), c.accepted ? el("span.tag.warn", {}, "missing") : el("span.tag.soft", {}, "rejected"), el(c.accepted ? "button.primary" : "button", { onclick: () => add(c.effect, c.title) }, "Add it")),
     el("div.meter", {}, el("i", { style: `width:${Math.max(0, parseFloat(c.share.replace("−", "-")) || 0)}%` })),
     el("div.facts", { html: facts.map(([k, v]) => `<span>${k} <b>${v}</b></span>`).join("") + (c.parameters ? `<span>${c.parameters}</span>` : "") }),
+    c.equation ? el("p.soft", {}, el("code", {}, c.equation)) : null,
     c.why ? el("p.soft", {}, c.why) : null,
     c.ties.length ? el("p", {}, "Not told apart from ", ...c.ties.flatMap((t, k) => [k ? ", " : "", el("b", {}, t.title), " ", el("button", { onclick: () => add(t.name, t.title) }, `Add ${t.title} instead`)]), ".") : null,
     evidence);

@@ -41,7 +41,8 @@ export function mount(place, { project, signal }) {
       if (box) {
         const x = column(box.key);
         for (let k = 0; k < y.length; k++) {
-          mask[k] = x[k] >= box.x0 && x[k] <= box.x1 && y[k] >= box.y0 && y[k] <= box.y1 ? 1 : 0;
+          const v = box.abs ? Math.abs(x[k]) : x[k];
+          mask[k] = v >= box.x0 && v <= box.x1 && y[k] >= box.y0 && y[k] <= box.y1 ? 1 : 0;
           if (mask[k]) { n++; lit[k] = y[k]; }
         }
       }
@@ -50,7 +51,7 @@ export function mount(place, { project, signal }) {
       count.textContent = box ? `${n.toLocaleString("en")} points selected` : "drag a box in any view";
       count.dataset.selected = n;
       clear.hidden = !box;
-      if (remember) state.keep({ sel: box ? [box.key, ...[box.x0, box.x1, box.y0, box.y1].map((v) => (Number.isFinite(v) ? v.toPrecision(5) : v > 0 ? "inf" : "-inf"))].join(",") : null });
+      if (remember) state.keep({ sel: box ? [box.abs ? `${box.key}|` : box.key, ...[box.x0, box.x1, box.y0, box.y1].map((v) => (Number.isFinite(v) ? v.toPrecision(5) : v > 0 ? "inf" : "-inf"))].join(",") : null });
     }
     act = choose;
     const spans = [...bars.querySelectorAll(".coordinate")];
@@ -58,12 +59,12 @@ export function mount(place, { project, signal }) {
       if (!box || !spans[k]) return;
       spans[k].classList.add("pick");
       spans[k].title = "show these points";
-      spans[k].addEventListener("click", () => choose({ key: box.key, x0: box.lo, x1: box.hi, y0: -Infinity, y1: Infinity }));
+      spans[k].addEventListener("click", () => choose({ key: box.key, x0: box.lo, x1: box.hi, y0: -Infinity, y1: Infinity, abs: box.abs }));
     });
-    const [key, ...edges] = state.list("sel");
+    const [named, ...edges] = state.list("sel"), abs = named?.endsWith("|"), key = named?.replace("|", "");
     const number = (s) => (s === "inf" ? Infinity : s === "-inf" ? -Infinity : Number(s));
     const known = key && edges.length === 4 && column(key);
-    choose(known ? { key, x0: number(edges[0]), x1: number(edges[1]), y0: number(edges[2]), y1: number(edges[3]) } : null, false);
+    choose(known ? { key, x0: number(edges[0]), x1: number(edges[1]), y0: number(edges[2]), y1: number(edges[3]), abs } : null, false);
     return null;
   });
   return { keys: (e) => e.key === "Escape" && act(null), destroy() { clouds.forEach((c) => c.destroy()); line?.destroy(); } };
