@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Recorded sessions: frames, the database that describes them, the configuration, and the trajectory that was accepted.
+
+    python tests/golden/sessions.py make      record the frames anew with driveid-sim (only when the simulator's frames should change)
+    python tests/golden/sessions.py accept    write what driveidd answers now as the expectation: read the diff before committing it
+
+One folder a session: frames.log (candump), frames.dbc, driveidd.toml, truth.json, expected-TYPE.json.
+"""
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import tomlkit
+
+import drec
+
+HERE = Path(__file__).resolve().parent
+ROOT = HERE.parents[1]
+BUILD = Path(os.environ.get("DRIVEID_BUILD", ROOT / "build"))
+TYPES = ["f64", "f32"]
+RATE_HZ, SECONDS, EVERY_S = 250, 12, 0.5
+# Options of driveid-sim for each session: classic and FD, both byte orders, three structures, a change of load.
+MADE = {
+    "rigid-classic": ["--structure", "rigid_axis", "--seed", "21", "--load-change-at", "6", "--factor", "1.5"],
+    "dc-big-endian": ["--structure", "dc_drive", "--seed", "22", "--big-endian"],
+    "pmsm-fd": ["--structure", "pmsm_drive", "--seed", "23", "--fd"],
+}
+
+
+def names():
+    return sorted(folder.name for folder in HERE.iterdir() if (folder / "frames.log").is_file())
+
+
+def make():
+    for name, options in MADE.items():
+        folder = HERE / name
+        folder.mkdir(exist_ok=True)
+        subprocess.run([BUILD / "tools/sim/driveid-sim", "run", "--bus", "log:frames.log", "--duration", str(SECONDS), "--rate", str(RATE_HZ), "--config", "driveidd.toml",
+                        "--dbc", "frames.dbc", "--truth", "truth.json", *options], cwd=folder, check=True)
+        write_config(folder, "socketcan", folder / "driveidd.toml")
+
+
+def write_config(folder, kind, target, socket="control.sock", number_type="f64", record=None, interface="vcan0"):
+    """The session's configuration with another source and other paths."""
+    document = tomlkit.parse((folder / "driveidd.toml").read_text())
+    fd = any("##" in line for line in (folder / "frames.log").open())
+    document["control"] = {"socket": str(socket)}
+    source = {"name": "bus", "kind": kind}
+    source |= {"interface": interface, "fd": fd} if kind == "socketcan" else {"file": str(folder / "frames.log"), "speed": 0.0}
+    document["source"] = tomlkit.aot()
+    document["source"].append(tomlkit.item(source))
+    for drive in document["drive"]:
+        drive["type"] = number_type
+    if record:
+        document["record"] = {"folder": str(record.parent), "file": record.name}
+    target.write_text(tomlkit.dumps(document))
+
+
+def replay(folder, number_type, work):
+    """The record that driveidd writes while it replays the session as fast as it can."""
+    config, record = work / "replay.toml", work / f"{folder.name}-{number_type}.drec"
+    write_config(folder, "replay", config, socket=work / "c.sock", number_type=number_type, record=record)
+    done = subprocess.run([BUILD / "daemon/driveidd", config, "--exit-at-end"], cwd=work, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    return record
+
+
+def trajectory(record):
+    """The estimate at every half second: time since the first sample, state, and each parameter's value, interval, validity."""
+    first = next(drec.samples(record))[0]
+    rows, due = [], EVERY_S
+    for t_ns, estimate in drec.estimates(record):
+        t_s = (t_ns - first) * 1e-9
+        if t_s + 1e-9 >= due:
+            due += EVERY_S * (1 + int((t_s - due) / EVERY_S))
+            rows.append({"t_s": round(t_s, 6), "state": estimate["state"],
+                         "parameters": {p["name"]: [p["value"], *(p["interval"] or [None, None]), p["valid"]] for p in estimate["parameters"]}})
+    return rows
+
+
+def accept():
+    for name in names():
+        for number_type in TYPES:
+            with tempfile.TemporaryDirectory() as work:
+                rows = trajectory(replay(HERE / name, number_type, Path(work)))
+            lines = ",\n".join(json.dumps(row) for row in rows)
+            (HERE / name / f"expected-{number_type}.json").write_text(f"[\n{lines}\n]\n")
+            print(f"{name} {number_type}: {len(rows)} rows, last {rows[-1]}")
+
+
+if __name__ == "__main__":
+    {"make": make, "accept": accept}[sys.argv[1]]()

@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Recorded frames in, the accepted trajectory out: values, intervals, validity; and what was decoded, by an independent decoder."""
+import json
+import math
+import sys
+from pathlib import Path
+
+import cantools
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+import drec  # noqa: E402
+import sessions  # noqa: E402
+
+CASES = [(name, number_type) for name in sessions.names() for number_type in sessions.TYPES]
+
+
+@pytest.fixture(scope="module")
+def record(tmp_path_factory):
+    made = {}
+
+    def get(name, number_type):
+        if (name, number_type) not in made:
+            made[name, number_type] = sessions.replay(sessions.HERE / name, number_type, tmp_path_factory.mktemp("golden"))
+        return made[name, number_type]
+
+    return get
+
+
+def close(a, b):
+    """1e-9 of the number: room for another libm, none for another result."""
+    if a is None or b is None or isinstance(a, bool):
+        return a == b
+    return math.isclose(a, b, rel_tol=1e-9, abs_tol=1e-300)
+
+
+def test_there_are_sessions():
+    assert set(sessions.MADE) <= set(sessions.names())
+
+
+@pytest.mark.parametrize(("name", "number_type"), CASES)
+def test_trajectory(record, name, number_type):
+    expected = json.loads((sessions.HERE / name / f"expected-{number_type}.json").read_text())
+    got = sessions.trajectory(record(name, number_type))
+    assert [(row["t_s"], row["state"], list(row["parameters"])) for row in got] == [(row["t_s"], row["state"], list(row["parameters"])) for row in expected]
+    for mine, theirs in zip(got, expected):
+        for parameter, values in theirs["parameters"].items():
+            assert all(map(close, mine["parameters"][parameter], values)), f"at {mine['t_s']} s, {parameter}: {mine['parameters'][parameter]}, accepted {values}"
+
+
+@pytest.mark.parametrize(("name", "number_type"), CASES)
+def test_accepted_trajectory_meets_the_truth(name, number_type):
+    """What was accepted is not merely stable: where it ends valid, its interval is about the simulated drive's truth."""
+    truth = json.loads((sessions.HERE / name / "truth.json").read_text())["phases"][-1]["drive"]
+    last = json.loads((sessions.HERE / name / f"expected-{number_type}.json").read_text())[-1]["parameters"]
+    valid = {parameter: values for parameter, values in last.items() if values[3] and parameter in truth}
+    assert valid, "no valid parameter at the end"
+    for parameter, (value, lo, hi, _) in valid.items():
+        assert abs(value - truth[parameter]) <= 3 * (hi - lo) / 2, f"{parameter}: {value} in {lo}..{hi}, true {truth[parameter]}"
+
+
+def decoded(folder):
+    """{signal: [values in the order of the frames]} by cantools."""
+    database, out = cantools.database.load_file(folder / "frames.dbc"), {}
+    for line in (folder / "frames.log").read_text().splitlines():
+        identifier, data = line.split()[2].split("#", 1)
+        data = data[2:] if data.startswith("#") else data  # FD: one flag digit after the second '#'
+        for signal, value in database.decode_message(int(identifier, 16), bytes.fromhex(data)).items():
+            out.setdefault(signal, []).append(value)
+    return out
+
+
+@pytest.mark.parametrize("name", sessions.names())
+def test_decoded_samples_agree_with_cantools(record, name):
+    expected = decoded(sessions.HERE / name)
+    got = list(drec.samples(record(name, "f64")))
+    used = set().union(*(values for _, values in got))
+    assert used, "samples carry signals"
+    for signal in used:
+        mine = [values[signal] for _, values in got if signal in values]
+        theirs = expected[signal]
+        assert len(mine) == len(theirs), signal
+        if signal == "theta_rad":  # an encoder may start anywhere and is unwrapped
+            offset = mine[0] - theirs[0]
+            assert abs(offset) < 1e-9
+        scale = max(map(abs, theirs)) or 1.0
+        assert max(abs(a - b) for a, b in zip(mine, theirs)) <= 4e-16 * 8 * scale, signal
+
+
+def test_replay_is_deterministic(record, tmp_path):
+    name = sessions.names()[0]
+    again = sessions.replay(sessions.HERE / name, "f64", tmp_path)
+
+    def content(path):
+        return [(kind, source, t_ns, payload) for kind, source, t_ns, payload in drec.entries(path) if kind in (drec.FRAME, drec.SAMPLE, drec.ESTIMATE)]
+
+    assert content(again) == content(record(name, "f64"))

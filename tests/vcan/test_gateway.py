@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: Apache-2.0
+"""driveidd on real CAN sockets: parameters within truth, recorded frames, counters exact, faults survived."""
+import json
+import os
+import signal
+import subprocess
+import time
+
+import pytest
+import sessions
+from conftest import BLAST
+
+LISTEN = """format = 1
+[control]
+socket = "c.sock"
+[[source]]
+name = "bus"
+kind = "socketcan"
+interface = "vcan0"
+buffer_bytes = {buffer}
+[[drive]]
+name = "axis1"
+structure = "rigid_axis"
+given = {{ K_t_Nm_A = 0.05 }}
+dt_s = 0.001
+  [[drive.signal]]
+  name = "i_q_A"
+  source = "bus"
+  can_id = 0x181
+  signed = true
+  scale = 0.001
+  [[drive.signal]]
+  name = "theta_rad"
+  source = "bus"
+  can_id = 0x181
+  start_bit = 32
+  length = 32
+  counts_per_turn = 65536
+"""
+
+
+def bus(status):
+    return status["sources"][0]
+
+
+def axis(status):
+    return status["drives"][0]
+
+
+def within(drive, truth):
+    """Every true value inside three half-widths, trusted."""
+    shown = {p["name"]: p for p in drive["parameters"]}
+    return all(name in shown and shown[name]["valid"] and abs(shown[name]["value"] - value) <= 1.5 * (shown[name]["interval"][1] - shown[name]["interval"][0])
+               for name, value in truth.items())
+
+
+@pytest.mark.parametrize("options", [["--bus", "can:vcan0"], ["--bus", "can:vcan1", "--fd"], ["--bus", "can:vcan2", "--big-endian", "--can-id", "419365121"]],
+                         ids=["classic", "fd", "big-endian-29-bit"])
+def test_parameters_arrive_within_the_truth(gateway, options):
+    gateway.simulate("--seed", 5, "--rate", 250, *options)
+    gateway.listen()
+    drive = json.loads((gateway.folder / "truth.json").read_text())["phases"][0]["drive"]
+    truth = {name: drive[name] for name in ("J_kgm2", "B_Nms_rad")}
+    status = gateway.until(lambda s: within(axis(s), truth), 30, "the true parameters")
+    source = bus(status)
+    assert source["clock"] and source["buffer_granted"] > 0
+    assert source["rejected"] == 0 and source["dropped"] == 0
+    assert source["frames"] == source["used"] + source["unused"] + source["rejected"]
+
+
+@pytest.mark.parametrize("name", sessions.names())
+def test_recorded_frames_give_the_accepted_parameters(gateway, name):
+    """canplayer keeps the recorded pace only roughly: where the accepted trajectory ends valid, this one ends within its interval."""
+    folder = sessions.HERE / name
+    sessions.write_config(folder, "socketcan", gateway.folder / "driveidd.toml", socket=gateway.folder / "c.sock")
+    frames = sum(1 for _ in (folder / "frames.log").open())
+    accepted = json.loads((folder / "expected-f64.json").read_text())[-1]
+    gateway.listen()
+    subprocess.run(["canplayer", "-I", folder / "frames.log"], check=True, timeout=60)
+    status = gateway.status()
+    assert bus(status)["frames"] == frames
+    shown = {p["name"]: p for p in axis(status)["parameters"]}
+    assert list(shown) == list(accepted["parameters"])
+    for parameter, (value, lo, hi, valid) in accepted["parameters"].items():
+        assert shown[parameter]["valid"] == valid, parameter
+        if valid:
+            mine = shown[parameter]["interval"]
+            assert abs(shown[parameter]["value"] - value) <= max(hi - lo, mine[1] - mine[0]), parameter
+
+
+def test_every_dropped_frame_is_counted(gateway):
+    (gateway.folder / "driveidd.toml").write_text(LISTEN.format(buffer=65536))
+    gateway.listen()
+    gateway.daemon.send_signal(signal.SIGSTOP)
+    sent = int(subprocess.run([BLAST, "vcan0", "5000", "2"], check=True, capture_output=True, text=True).stdout.split()[0])
+    gateway.daemon.send_signal(signal.SIGCONT)
+    # The kernel tells of its drops with the next frame that it delivers.
+    subprocess.run(["cansend", "vcan0", "181#0000000000000000"], check=True)
+    status = gateway.until(lambda s: bus(s)["frames"] + bus(s)["dropped"] >= sent + 1, 10, "the counters' end")
+    source = bus(status)
+    assert source["dropped"] > 0, "the buffer was small enough to drop"
+    assert source["frames"] + source["dropped"] == sent + 1
+    assert axis(status)["gaps"] >= 1
+    assert not any(p["valid"] for p in axis(status)["parameters"])
+
+
+def test_error_frames_are_counted_and_survived(gateway):
+    (gateway.folder / "driveidd.toml").write_text(LISTEN.format(buffer=1 << 20))
+    gateway.listen()
+    before = bus(gateway.status())["errors"]
+    # Controller problems: receive overflow, then error-passive; then bus-off (linux/can/error.h).
+    for frame in ("20000004#0001000000000000", "20000004#0030000000000000", "20000040#0000000000000000"):
+        subprocess.run(["cansend", "vcan0", frame], check=True)
+    status = gateway.until(lambda s: bus(s)["errors"] >= before + 3, 10, "counting three error frames")
+    assert "off" in bus(status)["bus_state"]
+    subprocess.run(["cansend", "vcan0", "181#0000000000000000"], check=True)
+    gateway.until(lambda s: bus(s)["frames"] >= 1, 10, "the next good frame")
+
+
+def test_interface_down_and_up(gateway):
+    gateway.simulate("--seed", 6, "--rate", 250, "--bus", "can:vcan0")
+    gateway.listen()
+    gateway.until(lambda s: any(p["valid"] for p in axis(s)["parameters"]), 30, "a trusted parameter")
+    subprocess.run(["ip", "link", "set", "vcan0", "down"], check=True)
+    gateway.until(lambda s: axis(s)["state"] == "stale" and not any(p["valid"] for p in axis(s)["parameters"]), 10, "no stale value stays valid")
+    frames = bus(gateway.status())["frames"]
+    subprocess.run(["ip", "link", "set", "vcan0", "up"], check=True)
+    up = time.monotonic()
+    gateway.until(lambda s: bus(s)["frames"] > frames + 100, 15, "frames after the interface came back")
+    print(f"frames again {time.monotonic() - up:.2f} s after the interface came back")
+    gateway.until(lambda s: any(p["valid"] for p in axis(s)["parameters"]), 40, "trust after the interface came back")
+
+
+def test_loss_on_the_wire(gateway):
+    subprocess.run(["tc", "qdisc", "add", "dev", "vcan2", "root", "netem", "loss", "5%"], check=True)
+    gateway.simulate("--seed", 5, "--rate", 250, "--bus", "can:vcan2")
+    gateway.listen()
+    status = gateway.until(lambda s: axis(s)["samples"] > 2000, 30, "2000 samples")
+    source, drive = bus(status), axis(status)
+    assert source["frames"] == source["used"] + source["unused"] + source["rejected"]
+    truth = json.loads((gateway.folder / "truth.json").read_text())["phases"][0]["drive"]
+    for parameter in drive["parameters"]:
+        if parameter["valid"]:
+            lo, hi = parameter["interval"]
+            assert abs(parameter["value"] - truth[parameter["name"]]) <= 2 * (hi - lo), f"{parameter} against {truth[parameter['name']]}"
+
+
+def test_valgrind_finds_nothing(gateway):
+    gateway.simulate("--seed", 5, "--rate", 250, "--bus", "can:vcan0")
+    text = (gateway.folder / "driveidd.toml").read_text() + '\n[security]\nseccomp = "off"\n'
+    (gateway.folder / "driveidd.toml").write_text(text)
+    gateway.listen(command=["valgrind", "--quiet", "--error-exitcode=99", "--leak-check=full", "--errors-for-leak-kinds=definite"])
+    gateway.until(lambda s: axis(s)["samples"] > 500, 90, "500 samples under valgrind")
+    gateway.daemon.send_signal(signal.SIGTERM)
+    assert gateway.daemon.wait(60) == 0, gateway.log()
+
+
+def test_ends_on_signals(gateway):
+    (gateway.folder / "driveidd.toml").write_text(LISTEN.format(buffer=1 << 20))
+    for sign in (signal.SIGTERM, signal.SIGINT):
+        gateway.listen()
+        gateway.daemon.send_signal(sign)
+        assert gateway.daemon.wait(10) == 0
+        assert not os.path.exists(gateway.folder / "c.sock")
+        gateway.programs.running.clear()
