@@ -26,9 +26,9 @@ class Programs:
         while self.running:
             stop(self.running.pop())
 
-    def start(self, name, command):
+    def start(self, name, command, **options):
         with open(self.folder / f"{name}.log", "wb") as log:
-            program = subprocess.Popen([str(word) for word in command], cwd=self.folder, stdin=subprocess.DEVNULL, stdout=log, stderr=log)
+            program = subprocess.Popen([str(word) for word in command], cwd=self.folder, stdin=subprocess.DEVNULL, stdout=log, stderr=log, **options)
         program.name = name
         self.running.append(program)
         return program
