@@ -32,7 +32,7 @@ bool Subscription::due(int drive) {
 }
 
 struct ControlServer::Client {
-    Client(Fd fd, bool write, size_t queue) : fd(std::move(fd)), may_write(write), queue(queue) { input.reserve(4096); }
+    Client(Fd descriptor, bool write, size_t bytes) : fd(std::move(descriptor)), may_write(write), queue(bytes) { input.reserve(4096); }
     Fd fd;
     bool may_write, waiting = false, dead = false;
     std::string input;

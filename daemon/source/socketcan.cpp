@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <cerrno>
 #include <cstring>
+#include <ctime>  // linux/errqueue.h wants timespec
 #include <linux/can/error.h>
 #include <linux/can/raw.h>
 #include <linux/errqueue.h>
