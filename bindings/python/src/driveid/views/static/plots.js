@@ -7,12 +7,6 @@ import { scaleOf } from "./units.js";
 
 const FONT = "11px system-ui, 'Segoe UI', Roboto, 'DejaVu Sans', sans-serif";
 
-function extent(arrays, from, to) {
-  let lo = Infinity, hi = -Infinity;
-  for (const a of arrays) for (let k = from; k < to; k++) { const v = a[k]; if (v < lo) lo = v; if (v > hi) hi = v; }
-  return lo <= hi ? [lo, hi] : [0, 1];
-}
-
 /** Fewest decimals that write a step without rounding it. */
 export function decimals(step) {
   for (let d = 0; d < 9; d++) if (Math.abs(step * 10 ** d - Math.round(step * 10 ** d)) < 1e-6 * Math.max(1, step * 10 ** d)) return d;
@@ -43,6 +37,7 @@ function axis(title, unit, size, side) {
 export class TimePlot {
   constructor(place, series, options) {
     this.place = place;
+    this.span = [0, 1];
     this.options = options;
     const lines = series.map((s) => ({
       label: s.name, stroke: () => colour(s.colour), width: s.width ?? 1.2, dash: s.dash, points: { show: Boolean(s.points), size: 4, fill: () => colour(s.colour) },
@@ -51,7 +46,7 @@ export class TimePlot {
     this.plot = new uPlot({
       width: Math.max(place.clientWidth, 80), height: options.height, legend: { show: false }, ms: 1e-3,
       cursor: { drag: { x: Boolean(options.onZoom), y: false, setScale: true, dist: 5 }, sync: options.sync ? { key: options.sync, scales: ["x", null] } : undefined, points: { size: 5 }, x: true, y: false },
-      scales: { x: { time: false }, y: { range: (u, lo, hi) => this.range(lo, hi) } },
+      scales: { x: { time: false, range: () => this.span }, y: { range: (u, lo, hi) => this.range(lo, hi) } },
       padding: [6, 12, 0, 0],
       axes: [options.timeAxis === false ? { ...axis("", "", 6, 2), values: (u, splits) => splits.map(() => "") } : axis("time", "s", 18, 2), axis(options.title, options.unit, 46, 3)],
       series: [{}, ...lines],
@@ -70,20 +65,14 @@ export class TimePlot {
     return [lo - air, hi + air];
   }
 
-  /** Values whole; x range stays what it is unless given. */
+  /** New values; the x axis shows begin to end, the y axis what is in it. */
   data(t, values, begin = t[0], end = t[t.length - 1]) {
-    this.setting = true;
-    this.plot.batch(() => {
-      this.plot.setData([t, ...values], false);
-      const [lo, hi] = extent(values, 0, t.length);
-      this.plot.setScale("x", { min: begin, max: end });
-      this.plot.setScale("y", { min: lo, max: hi });
-    });
-    this.setting = false;
+    this.span = [begin, end];
+    this.plot.setData([t, ...values], true);
   }
 
   zoomed(u) {
-    if (this.setting || !this.byHand || !this.options.onZoom) return;
+    if (!this.byHand || !this.options.onZoom) return;
     this.byHand = false;
     this.options.onZoom(u.scales.x.min, u.scales.x.max);
   }

@@ -9,7 +9,7 @@ from .. import model as view
 from .. import report
 from .engine import Chain, Engine
 from .jobs import Progress
-from .pages import report_series, sides_of
+from .pages import report_series, sides_of_chain
 from .projects import Project
 
 
@@ -28,9 +28,9 @@ def report_html(engine: Engine, project: Project, chain: Chain, tell: Progress) 
     document = dict(engine.explained(project, chain, tell))
     steps = []
     for k in range(1, len(chain) + 1):
-        sides = sides_of(view.document(engine.compared(project, chain[:k], tell)))
+        sides = sides_of_chain(engine, project, chain[:k], tell)
         steps.append({"effect": chain[k - 1]} | {name.replace(" ", "_"): raw(errors) for name, errors in sides.items()})
-    first = sides_of(view.document(engine.compared(project, (), tell)))
+    first = sides_of_chain(engine, project, (), tell)
     document["model_toml"] = engine.model_toml(project, chain, tell)
     if steps:
         document["steps"] = [{"effect": ""} | {name.replace(" ", "_"): raw(errors) for name, errors in first.items()}, *steps]

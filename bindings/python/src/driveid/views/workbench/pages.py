@@ -33,9 +33,13 @@ def project_page(engine: Engine, project: Project, chain: Chain) -> dict:
     model = view.Model.of(project.model_toml)
     return {"id": project.id, "name": project.name, "structure": model.structure.replace("_", " "), "effects": [{"name": e, "title": view.effect_title(e)} for e in model.effects],
             "chain": [{"name": e, "title": view.effect_title(e)} for e in chain], "others": [name for name, _ in project.others],
-            "records": [{"name": r.name, "role": role.replace("_", " "), "rows": r.rows, "span": units.duration(float(r.t_s[-1]) if r.rows else 0.0), "t0": 0.0,
-                         "t1": float(r.t_s[-1]) if r.rows else 1.0, "notices": list(r.notices)} for role, r in runs],
+            "records": [{"name": r.name, "role": role.replace("_", " "), "rows": r.rows, "span": units.duration(_span(r)), "t0": 0.0,
+                         "t1": _span(r) or 1.0, "notices": list(r.notices)} for role, r in runs],
             "signals": [{"name": n, "symbol": units.symbol(n), "unit": units.split_name(n)[1]} for n in (runs[0][1].columns if runs else [])]}
+
+
+def _span(run) -> float:
+    return float(run.t_ns[-1] - run.t_ns[0]) * 1e-9 if run.rows else 0.0
 
 
 def _chain_name(chain: Chain) -> str:
@@ -72,6 +76,12 @@ def sides_of(doc: view.Document) -> dict[str, view.ErrorSet]:
     for name, errors in doc.errors:
         out[roles.get(name, name)] = errors
     return out
+
+
+def sides_of_chain(engine: Engine, project: Project, chain: Chain, tell: Progress) -> dict[str, view.ErrorSet]:
+    """Without a held-out record the explanation sets blocks aside, and its errors are the honest ones."""
+    ask = engine.compared if project.held_out else engine.explained
+    return sides_of(view.document(ask(project, chain, tell)))
 
 
 def signal_trace(engine: Engine, project: Project, record: int, names: list[str], begin: float, end: float, pixels: int) -> tuple[dict, dict]:
@@ -193,12 +203,10 @@ def evidence(engine: Engine, project: Project, chain: Chain, effect: str, record
 
 
 def stairs_page(engine: Engine, project: Project, chain: Chain, kind: str, tell: Progress) -> dict:
-    steps, first = [], None
+    steps = []
     for k in range(len(chain) + 1):
         tell(k / (len(chain) + 1), f"comparing {_chain_name(chain[:k])}")
-        doc = view.document(engine.compared(project, chain[:k], tell))
-        first = first or doc
-        sides = sides_of(doc)
+        sides = sides_of_chain(engine, project, chain[:k], tell)
         steps.append(view.Step(chain[k - 1] if k else "", sides.get("training", view.ErrorSet()), sides.get("held out", view.ErrorSet())))
     kinds = [k for k in view.ERROR_KINDS if all(k in s.training.by_kind or k in s.held_out.by_kind for s in steps)]
     kind = kind if kind in kinds else pieces.staircase_kind(steps) or ""
