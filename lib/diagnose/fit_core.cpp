@@ -73,7 +73,7 @@ driveid_hold hold_of(const EquationSet &set, const Prepared &record, driveid_sim
   if (record.hold == "instant") return DRIVEID_HOLD_FIRST;
   const Equation *chosen = nullptr;
   for (const Equation &e : set.equation)
-    if (!chosen || e.electrical == (mode != DRIVEID_SIM_MECHANICAL)) chosen = &e;
+    if (!chosen || e.electrical == (mode != DRIVEID_SIM_MECHANICAL)) chosen = &e;   // voltage drives the circuit, current the axis
   if (!chosen || chosen->input_shift_s == 0) return DRIVEID_HOLD_FIRST;
   return chosen->input_shift_s > 0 ? DRIVEID_HOLD_ZERO : DRIVEID_HOLD_AVERAGE;
 }
@@ -93,6 +93,16 @@ std::vector<Part> parts_of(const driveid_model &model, const Prepared &record) {
   if (model.structure == DRIVEID_STRUCTURE_TWO_MASS_AXIS && record.has("theta_l_rad")) outputs.push_back(DRIVEID_SIGNAL_THETA_L_RAD);
   parts.push_back({DRIVEID_SIM_MECHANICAL, outputs});
   return parts;
+}
+
+driveid_sim_mode whole_mode(const driveid_model &model, const Prepared &record) {
+  switch (model.structure) {
+    case DRIVEID_STRUCTURE_DC_CIRCUIT: return DRIVEID_SIM_ELECTRICAL;
+    case DRIVEID_STRUCTURE_LTI: return DRIVEID_SIM_WHOLE;
+    case DRIVEID_STRUCTURE_DC_DRIVE: return record.has("i_A") && record.has("v_V") ? DRIVEID_SIM_WHOLE : DRIVEID_SIM_MECHANICAL;
+    case DRIVEID_STRUCTURE_PMSM_DRIVE: return record.has("v_d_V") && record.has("v_q_V") ? DRIVEID_SIM_WHOLE : DRIVEID_SIM_MECHANICAL;
+    default: return DRIVEID_SIM_MECHANICAL;
+  }
 }
 
 driveid_signal scored_signal(const driveid_model &model, const Prepared &record) {

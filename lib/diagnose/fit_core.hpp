@@ -45,6 +45,9 @@ struct Part {
 };
 std::vector<Part> parts_of(const driveid_model &model, const Prepared &record);
 
+// How the whole model runs on this record: from the voltage where it is recorded with the current, else the axis alone.
+driveid_sim_mode whole_mode(const driveid_model &model, const Prepared &record);
+
 // Signals whose free run is scored for the whole model: the axis' position (or speed), else the current, else y.
 driveid_signal scored_signal(const driveid_model &model, const Prepared &record);
 
