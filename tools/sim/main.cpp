@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <exception>
 #include <filesystem>
+#include <memory>
 
 #include "case.hpp"
 #include "csv_frames.hpp"
@@ -19,9 +20,9 @@ void ask_stop(int) { stop_asked = 1; }
 const std::vector<std::string> STRUCTURES = {"rigid_axis", "linear_axis", "dc_drive", "dc_circuit", "pmsm_drive"};
 
 void add_case(CLI::App &app) {
-    auto *q = new sim::CaseRequest;  // lives as long as the program
-    auto *folder = new std::string("."), *truth = new std::string;
-    auto *effects = new std::vector<std::string>;
+    auto q = std::make_shared<sim::CaseRequest>();  // the callback keeps what the options refer to
+    auto folder = std::make_shared<std::string>("."), truth = std::make_shared<std::string>();
+    auto effects = std::make_shared<std::vector<std::string>>();
     auto *command = app.add_subcommand("case", "one drive with a hidden effect: train.csv, held_out.csv, case.json, and the truth elsewhere");
     command->add_option("--seed", q->seed, "drive, motion, noise and dirt are drawn from it")->capture_default_str();
     command->add_option("--structure", q->structure, "rigid_axis linear_axis dc_drive dc_circuit pmsm_drive")
@@ -49,7 +50,7 @@ void add_case(CLI::App &app) {
 }
 
 void add_run(CLI::App &app) {
-    auto *q = new sim::PlayRequest;
+    auto q = std::make_shared<sim::PlayRequest>();
     auto *command = app.add_subcommand("run", "a drive that plays in real time on a bus, or into a candump log");
     command->add_option("--bus", q->bus, "can:IFACE | modbus:HOST:PORT | fd:N (inherited datagram socket) | log:FILE.log")->required();
     command->add_option("--seed", q->seed, "the drive and its motion are drawn from it")->capture_default_str();
@@ -61,9 +62,11 @@ void add_run(CLI::App &app) {
     command->add_option("--speed", q->speed, "times real time; 0: as fast as possible (a log always is)")->check(CLI::Range(0.0, 1000.0))->capture_default_str();
     command->add_option("--load-change-at", q->load_change_at_s, "s after the start");
     command->add_option("--factor", q->load_factor, "inertia after the load change over that before")->check(CLI::Range(0.05, 20.0))->capture_default_str();
+    command->add_option("--friction-change-at", q->friction_change_at_s, "s after the start");
+    command->add_option("--friction-factor", q->friction_factor, "viscous and Coulomb friction after the change over that before")->check(CLI::Range(0.05, 20.0))->capture_default_str();
     command->add_option("--effect", q->effect, "hidden effect that is switched on");
     command->add_option("--effect-at", q->effect_at_s, "s after the start at which it is switched on");
-    command->add_option("--size", q->effect_size, "its size; 1 is large")->check(CLI::Range(0.0, 10.0))->capture_default_str();
+    command->add_option("--size", q->effect_size, "its size; 1 is large (cogging: 6 % of rated torque; delay: 6 ms)")->check(CLI::Range(0.0, 10.0))->capture_default_str();
     command->add_flag("--known-coulomb", q->known_coulomb, "the drive has Coulomb friction from the start");
     command->add_option("--loss", q->loss, "share of frames lost")->check(CLI::Range(0.0, 1.0))->capture_default_str();
     command->add_option("--jitter", q->jitter_s, "jitter of the frames' stamps, s")->check(CLI::Range(0.0, 1.0))->capture_default_str();
@@ -90,8 +93,8 @@ void add_run(CLI::App &app) {
 }
 
 void add_frames(CLI::App &app) {
-    auto *q = new sim::CsvFramesRequest;
-    auto *given = new std::vector<std::string>;
+    auto q = std::make_shared<sim::CsvFramesRequest>();
+    auto given = std::make_shared<std::vector<std::string>>();
     auto *command = app.add_subcommand("frames", "turn a CSV record into candump frames, with a DBC and a configuration");
     command->add_option("csv", q->csv, "record with t_s or t_ns")->required()->check(CLI::ExistingFile);
     command->add_option("--map", q->map, "NAME=COLUMN[:FACTOR], e.g. F_N=force_N")->take_all();

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "player.hpp"
 
-#include <cerrno>
-#include <cstdio>
+#include <algorithm>
+#include <cmath>
 #include <ctime>
 #include <filesystem>
 #include <nlohmann/json.hpp>
@@ -35,20 +35,33 @@ json phase_of(double t_s, const Setup &s, const std::vector<std::string> &effect
     return phase;
 }
 
-// What the drive will be over time, known before it starts.
+struct Event { double t_s; const char *what; };
+
+// What will change, in order of time.
+std::vector<Event> events_of(const PlayRequest &q) {
+    std::vector<Event> out;
+    if (q.load_change_at_s >= 0) out.push_back({q.load_change_at_s, "load change"});
+    if (q.friction_change_at_s >= 0) out.push_back({q.friction_change_at_s, "friction change"});
+    if (q.effect_at_s >= 0 && !q.effect.empty()) out.push_back({q.effect_at_s, "effect"});
+    std::stable_sort(out.begin(), out.end(), [](const Event &a, const Event &b) { return a.t_s < b.t_s; });
+    return out;
+}
+
+void apply(const Event &e, const PlayRequest &q, const Drive &rated, Setup &s) {
+    const std::string what = e.what;
+    if (what == "load change") s.drive.J *= q.load_factor;
+    else if (what == "friction change") { s.drive.B *= q.friction_factor; s.drive.coulomb *= q.friction_factor; }
+    else add_effect(q.effect, q.effect_size, rated, 60, q.seed, s.hidden);
+}
+
 json timeline(const PlayRequest &q, const Setup &setup) {
     json phases = json::array({phase_of(0, setup, {}, "start")});
-    struct Event { double t; bool load; };
-    std::vector<Event> events;
-    if (q.load_change_at_s >= 0) events.push_back({q.load_change_at_s, true});
-    if (q.effect_at_s >= 0 && !q.effect.empty()) events.push_back({q.effect_at_s, false});
-    if (events.size() == 2 && events[1].t < events[0].t) std::swap(events[0], events[1]);
     Setup s = setup;
     std::vector<std::string> effects;
-    for (const auto &e : events) {
-        if (e.load) s.drive.J *= q.load_factor;
-        else { add_effect(q.effect, q.effect_size, setup.drive, 60, q.seed, s.hidden); effects.push_back(q.effect); }
-        phases.push_back(phase_of(e.t, s, effects, e.load ? "load change" : "effect"));
+    for (const auto &e : events_of(q)) {
+        apply(e, q, setup.drive, s);
+        if (std::string(e.what) == "effect") effects.push_back(q.effect);
+        phases.push_back(phase_of(e.t_s, s, effects, e.what));
     }
     return phases;
 }
@@ -96,22 +109,21 @@ std::uint64_t play(const PlayRequest &q, const volatile std::sig_atomic_t *stop)
 
     Run run(setup, 0);
     Random luck(q.seed, "bus");
-    Drive drive = setup.drive;
-    Hidden hidden = setup.hidden;
+    Setup now = setup;
+    const auto events = events_of(q);
+    std::size_t happened = 0;
     std::vector<Reading> readings;
     const auto rows = q.duration_s > 0 ? static_cast<std::uint64_t>(q.duration_s * q.rate_Hz) : UINT64_MAX;
     const bool paced = bus->real_time() && q.speed > 0;
-    bool load_done = q.load_change_at_s < 0, effect_done = q.effect_at_s < 0 || q.effect.empty();
     std::uint64_t sent = 0;
     std::vector<Frame> frames;
     for (std::uint64_t n = 0; n < rows && !*stop; ++n) {
         const Truth x = run.advance();
         const Reading r = run.read(x);
-        if (!load_done && x.t >= q.load_change_at_s) { drive.J *= q.load_factor; run.plant().set_drive(drive); load_done = true; }
-        if (!effect_done && x.t >= q.effect_at_s) {
-            add_effect(q.effect, q.effect_size, setup.drive, 60, q.seed, hidden);
-            run.plant().set_hidden(hidden);
-            effect_done = true;
+        for (; happened < events.size() && x.t >= events[happened].t_s; ++happened) {
+            apply(events[happened], q, setup.drive, now);
+            run.plant().set_drive(now.drive);
+            run.plant().set_hidden(now.hidden);
         }
         if (!q.csv_file.empty()) readings.push_back(r);
         frames.clear();

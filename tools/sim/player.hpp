@@ -15,6 +15,7 @@ struct PlayRequest {
     std::string structure = "rigid_axis", bus, program = "mixed";
     double rate_Hz = 1000, duration_s = 0;     // 0: until stopped
     double load_change_at_s = -1, load_factor = 1;
+    double friction_change_at_s = -1, friction_factor = 1;
     double effect_at_s = -1, effect_size = 1;
     std::string effect;
     bool known_coulomb = false;
