@@ -52,8 +52,9 @@ driveid_status driveid_estimator_update(driveid_estimator *self, int64_t t_ns, c
 driveid_status driveid_estimator_estimate(const driveid_estimator *self, driveid_estimate *out) {
     if (!self || !out) return DRIVEID_ERR_ARGUMENT;
     const driveid_fsm_common *common = &self->fsm.common;
-    if (common->status == DRIVEID_OK || common->status == DRIVEID_WEAK_EXCITATION || common->status == DRIVEID_RANK) *out = common->answer;
-    return common->status;
+    const int have = common->status == DRIVEID_OK || common->status == DRIVEID_WEAK_EXCITATION || common->status == DRIVEID_RANK;
+    if (have) *out = common->answer;
+    return have && common->resting ? DRIVEID_FROZEN : common->status;
 }
 
 void driveid_estimator_restart(driveid_estimator *self) {

@@ -48,6 +48,7 @@ static void split(driveid_fsm_common *common, uint8_t *level) {
         if (t->derivative > equation->order) equation->order = t->derivative;
         if (t->derivative > highest) highest = t->derivative;
         if (t->param == DRIVEID_TERM_KNOWN) continue;
+        if (t->derivative > 0) common->motion_mask |= UINT32_C(1) << t->param;
         unsigned j = 0;
         while (j < equation->params && equation->param[j] != t->param) j++;
         if (j == equation->params) equation->param[equation->params++] = t->param;
@@ -60,6 +61,8 @@ static void split(driveid_fsm_common *common, uint8_t *level) {
 
 static void resolve(driveid_estimator_options *o, double suggested_rad_s) {
     if (o->bandwidth_rad_s == 0) o->bandwidth_rad_s = fmin(suggested_rad_s > 0 ? suggested_rad_s : 200, 0.25 / o->dt_s);
+    if (o->model_error == 0) o->model_error = 5e-4;
+    if (o->model_error < 0) o->model_error = 0;
     if (o->forgetting_s == 0) o->forgetting_s = 10;
     if (o->gap_s == 0) o->gap_s = 5 * o->dt_s;
 }
@@ -69,7 +72,7 @@ driveid_status fsm_configure_common(driveid_fsm_common *common, const driveid_re
     const char *fault = fault_in(regression);
     if (fault) return refuse(reason, reason_size, fault);
     if (!(options->dt_s > 0) || !isfinite(options->dt_s)) return refuse(reason, reason_size, "dt_s must be the nominal sample time, above 0");
-    if (options->bandwidth_rad_s < 0 || options->forgetting_s < 0 || options->gap_s < 0 || isnan(options->alarm))
+    if (options->bandwidth_rad_s < 0 || options->forgetting_s < 0 || options->gap_s < 0 || isnan(options->alarm) || !isfinite(options->model_error))
         return refuse(reason, reason_size, "bandwidth_rad_s, forgetting_s and gap_s must not be negative");
     common->regression = *regression;
     common->options = *options;
@@ -83,6 +86,7 @@ driveid_status fsm_configure_common(driveid_fsm_common *common, const driveid_re
     common->gap_ns = (int64_t)(1e9 * o->gap_s);
     memset(common->chosen, -1, sizeof common->chosen);
     common->status = DRIVEID_NOT_YET;
+    for (unsigned e = 0; e < regression->equations; e++) driveid_monitor_init(&common->monitor[e], o->alarm);
     uint32_t one = 0;
     for (unsigned e = 0; e < regression->equations; e++) one += fsm_block_size(common->equation[e].columns);
     common->stages = FSM_STAGES;

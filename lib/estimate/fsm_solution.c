@@ -264,7 +264,9 @@ void fsm_publish(driveid_fsm_common *common, int found, const fsm_solution *best
     a->condition = best->condition;
     memcpy(a->cov, best->cov, sizeof a->cov);
     for (int i = 0; i < p; i++) {
-        const double half = quantile * sqrt(fmax(0, best->cov[i * p + i]));
+        const double whole = best->share[i] > 0 ? 1 / (3 * best->share[i]) : 0;
+        const double unseen = common->options.model_error * fmax(fabs(best->theta[i]), whole);
+        const double half = sqrt(quantile * quantile * fmax(0, best->cov[i * p + i]) + unseen * unseen);
         a->theta[i] = best->theta[i];
         a->lo[i] = best->theta[i] - half;
         a->hi[i] = best->theta[i] + half;

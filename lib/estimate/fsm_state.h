@@ -12,6 +12,7 @@
 #define DRIVEID_ESTIMATE_FSM_STATE_H
 
 #include <driveid/estimate.h>
+#include <driveid/monitor.h>
 
 #include "base/bank.h"
 
@@ -20,6 +21,11 @@
 #define FSM_COARSE_FIRST 1.5 /* coarse row of the first stage, of the others: times 1/bandwidth */
 #define FSM_COARSE_LATER 4.0
 #define FSM_LAGS 16          /* lag 0 .. 15 of coarse rows */
+#define FSM_MOTION_S 0.3     /* how far back motion is looked at */
+#define FSM_PAUSE 0.02       /* of its usual mean square: too little to forget */
+#define FSM_REST 1e-3        /* and to learn from */
+#define FSM_HOLD_S 0.5       /* theta is held so long after an alarm */
+#define FSM_WATCHED 1        /* stage whose residual is watched */
 #define FSM_COLUMNS_MAX (DRIVEID_THETA_MAX + DRIVEID_ORDER_MAX + 1)
 #define FSM_POOL 20480       /* numbers; configure refuses what does not fit */
 
@@ -37,7 +43,13 @@ typedef struct driveid_fsm_common {
     uint8_t running;                         /* filters are started */
     int8_t chosen[DRIVEID_EQUATIONS_MAX];    /* stage of the last answer, -1: none */
     int64_t first_ns, segment_ns, last_ns, row_ns, last_row_ns, solve_ns, last_solve_ns, gap_ns;
-    uint32_t samples;
+    int64_t restart_ns;                      /* stamp of the last restart by alarm */
+    uint64_t samples;
+    uint8_t forgetting_paused;               /* nothing new is learnt about some motion: nothing is forgotten */
+    uint8_t resting;                         /* no motion at all: rows are not added */
+    uint32_t motion_mask;                    /* parameters whose column is a derivative */
+    double motion[DRIVEID_THETA_MAX];        /* recent mean square of their columns */
+    driveid_monitor monitor[DRIVEID_EQUATIONS_MAX];
     driveid_status status;                   /* of answer */
     driveid_estimate answer;
 } driveid_fsm_common;

@@ -271,6 +271,36 @@ driveid_status driveid_online_init(driveid_online *online, const driveid_model *
     return DRIVEID_OK;
 }
 
+/* Inductance from its apparent value R dt/2 coth(R dt/(2 L)). */
+static double inductance(double apparent, double r, double dt_s) {
+    const double c = 0.5 * r * dt_s / apparent;
+    return c > 1e-6 && c < 0.999 ? 0.5 * r * dt_s / atanh(c) : apparent;
+}
+
+static int held_voltage(const driveid_online *o) {
+    for (unsigned c = 0; c < o->regression.channels; c++) {
+        const driveid_online_channel *f = &o->filler[c];
+        const int voltage = f->a == DRIVEID_SIGNAL_V_V || f->a == DRIVEID_SIGNAL_V_D_V || f->a == DRIVEID_SIGNAL_V_Q_V;
+        if (f->kind == ONLINE_SIGNAL && voltage && o->regression.hold[c] != DRIVEID_HOLD_FIRST) return 1;
+    }
+    return 0;
+}
+
+static double resistance(const driveid_online *o, const driveid_estimate *e) {
+    for (uint32_t i = 0; i < o->physical; i++)
+        if (strcmp(o->physical_name[i], "R_ohm") == 0) return e->theta[i];
+    const driveid_param *given = driveid_model_param(&o->model, "R_ohm");
+    return given ? given->value : 0;
+}
+
+static void correct_inductance(const driveid_online *o, const driveid_estimate *e, uint32_t i, driveid_param *out) {
+    const double r = resistance(o, e), value = inductance(e->theta[i], r, o->dt_s), step = 1e-4 * e->theta[i];
+    const double slope = (inductance(e->theta[i] + step, r, o->dt_s) - value) / step; /* R is known far better than L */
+    out->value = value;
+    out->lo = value - slope * (e->theta[i] - e->lo[i]);
+    out->hi = value + slope * (e->hi[i] - e->theta[i]);
+}
+
 driveid_status driveid_online_physical(const driveid_online *online, const driveid_estimate *estimate,
                                        driveid_param *out, uint32_t *valid_mask) {
     if (!online || !estimate || !out || !valid_mask || estimate->params != online->physical) return DRIVEID_ERR_ARGUMENT;
@@ -281,6 +311,9 @@ driveid_status driveid_online_physical(const driveid_online *online, const drive
         out[i].value = estimate->theta[i];
         out[i].lo = estimate->lo[i];
         out[i].hi = estimate->hi[i];
+        const char *name = online->physical_name[i];
+        const int is_l = strcmp(name, "L_H") == 0 || strcmp(name, "L_d_H") == 0 || strcmp(name, "L_q_H") == 0;
+        if (is_l && (estimate->valid_mask >> i & 1) && held_voltage(online)) correct_inductance(online, estimate, i, &out[i]);
     }
     *valid_mask = estimate->valid_mask;
     return DRIVEID_OK;

@@ -56,6 +56,10 @@ static double mean_sign(double before, double now) {
 static driveid_status push(driveid_online *o, const driveid_sample *sample) {
     const int64_t dt = o->ring_fill ? sample->stamp.t_ns - o->ring[0].stamp.t_ns : 1;
     if (dt <= 0) return dt < 0 ? DRIVEID_ERR_TIME : DRIVEID_DUPLICATE;
+    if (o->ring_fill > 0) {
+        const double dt_s = 1e-9 * (double)dt;
+        o->dt_s = o->dt_s > 0 ? o->dt_s + 0.01 * (fmin(dt_s, 2 * o->dt_s) - o->dt_s) : dt_s;
+    }
     if (o->ring_fill > 1) {
         const int64_t usual = o->ring[0].stamp.t_ns - o->ring[1].stamp.t_ns;
         if (dt > 5 * usual) o->ring_fill = 0; /* no line through a gap */

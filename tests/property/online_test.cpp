@@ -123,10 +123,7 @@ TEST(Online, DcDriveBothSets) {
         o.feed(1 + k * ms, {{DRIVEID_SIGNAL_V_V, v}, {DRIVEID_SIGNAL_I_A, x[0] + 2e-3 * plants::gauss(g)}, {DRIVEID_SIGNAL_THETA_RAD, x[2] + 1e-4 * plants::gauss(g)}});
         plants::rk4<3>(x, 1e-3, 10, [&](const auto &s) { return std::array<double, 3>{(v - R * s[0] - K * s[1]) / L, (K * s[0] - B * s[1]) / J, s[1]}; });
     }
-    for (auto [name, truth] : {std::pair{"R_ohm", R}, {"L_H", L}, {"K_e_Vs_rad", K}, {"J_kgm2", J}, {"B_Nms_rad", B}}) {
-        double valid; const auto p = o.get(name, &valid);
-        printf("%s %g [%g %g] %g valid %g\n", name, p.value, p.lo, p.hi, truth, valid);
-    }
+    for (auto [name, truth] : {std::pair{"R_ohm", R}, {"L_H", L}, {"K_e_Vs_rad", K}, {"J_kgm2", J}, {"B_Nms_rad", B}}) o.expect(name, truth);
 }
 
 TEST(Online, PmsmInDq) {
@@ -146,10 +143,7 @@ TEST(Online, PmsmInDq) {
             return std::array<double, 4>{(v_d - R * s[0] + we * L_q * s[1]) / L_d, (v_q - R * s[1] - we * (L_d * s[0] + psi)) / L_q, (torque - B * s[2]) / J, s[2]};
         });
     }
-    for (auto [name, truth] : {std::pair{"R_ohm", R}, {"L_d_H", L_d}, {"L_q_H", L_q}, {"psi_pm_Vs", psi}, {"J_kgm2", J}, {"B_Nms_rad", B}}) {
-        double valid; const auto q = o.get(name, &valid);
-        printf("%s %g [%g %g] %g valid %g\n", name, q.value, q.lo, q.hi, truth, valid);
-    }
+    for (auto [name, truth] : {std::pair{"R_ohm", R}, {"L_d_H", L_d}, {"L_q_H", L_q}, {"psi_pm_Vs", psi}, {"J_kgm2", J}, {"B_Nms_rad", B}}) o.expect(name, truth);
 }
 
 } // namespace

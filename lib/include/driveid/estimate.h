@@ -17,8 +17,8 @@ extern "C" {
 #endif
 
 /* One trustworthy answer. With DRIVEID_OK every parameter is valid. With DRIVEID_WEAK_EXCITATION and DRIVEID_RANK it is written too:
- * use theta[k] only where bit k of valid_mask is set; weak_mask names the parameters that these data cannot give. With any other
- * status nothing is written. */
+ * use theta[k] only where bit k of valid_mask is set; weak_mask names the parameters that these data cannot give. With DRIVEID_FROZEN the
+ * answer from before the rest is written, with the stamp it belongs to. With any other status nothing is written. */
 typedef struct driveid_estimate {
     int64_t t_ns;                      /* instant it belongs to */
     int64_t first_ns;                  /* stamp of the first sample behind it */
@@ -43,7 +43,10 @@ typedef struct driveid_estimator_options {
     double bandwidth_rad_s;/* of the filter bank; 0: chosen from dt_s */
     double forgetting_s;   /* memory of the long-running scheme; 0: default 10 s; INFINITY: never forget */
     double gap_s;          /* a longer silence is a gap; 0: 5 dt_s */
-    double alarm;          /* residual alarm threshold; 0: default, < 0: never restart */
+    double alarm;          /* residual alarm threshold (monitor.h); 0: default, < 0: never restart */
+    double model_error;    /* relative error of any parameter that no statistics of the record can see (holds between stamps, gain of a sensor):
+                              added in squares to each half-width, or a third of the same share of the
+                              equation's largest term where that is more; 0: default 5e-4, < 0: none */
     double range[DRIVEID_CHANNELS_MAX]; /* q31: declared |channel| range, SI */
 } driveid_estimator_options;
 

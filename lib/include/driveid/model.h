@@ -122,6 +122,7 @@ typedef struct driveid_online {
     uint8_t uses_speed, motion, delayed, rest_matters, ring_fill; /* motion: the signal that speed comes from */
     driveid_sample ring[DRIVEID_ONLINE_RING];            /* newest first */
     double speed, last_speed, noise;
+    double dt_s;                                         /* slow mean of the sample time */
 } driveid_online;
 
 /* signals: bits of the driveid_signal that will be present. DRIVEID_ERR_CONFIG where nothing can be identified (reason says why). */
@@ -140,7 +141,9 @@ driveid_status driveid_online_hold(driveid_online *online, driveid_signal signal
  *   DRIVEID_ERR_VALUE, DRIVEID_ERR_TIME  the sample was ignored */
 driveid_status driveid_online_channels(driveid_online *online, const driveid_sample *sample, double *channel);
 
-/* theta -> physical parameters with propagated 95 % intervals (delta method on the covariance). out[physical]. */
+/* theta -> physical parameters with propagated 95 % intervals (delta method on the covariance). out[physical].
+ * Inductances: where the voltage is held or averaged over a sample, readings of the current see the kinks between them only through
+ * theta_L = R dt/2 coth(R dt/(2 L)); L comes out of that (2 % at dt = L/(2 R), nothing at dt << L/R). Everything else is theta itself. */
 driveid_status driveid_online_physical(const driveid_online *online, const driveid_estimate *estimate,
                                        driveid_param *out, uint32_t *valid_mask);
 
