@@ -108,3 +108,44 @@ def chromium():
 def is_port_open(port: int) -> bool:
     with socket.socket() as s:
         return s.connect_ex(("127.0.0.1", port)) == 0
+
+
+def build_folder() -> Path:
+    return Path(os.environ.get("DRIVEID_BUILD") or Path(__file__).resolve().parents[2] / "build")
+
+
+@pytest.fixture(scope="session")
+def programs():
+    """driveidd and driveid-sim of this build."""
+    found = {name: build_folder() / folder / name for name, folder in (("driveidd", "daemon"), ("driveid-sim", "tools/sim"))}
+    for name, path in found.items():
+        if not path.is_file():
+            pytest.skip(f"{name} is not built ({path}): run tools/setup, or set DRIVEID_BUILD")
+    return found
+
+
+class Screen:
+    """One browser page that remembers what the console said."""
+
+    def __init__(self, browser, server: Server, width: int = 1280, height: int = 720, scheme: str = "light") -> None:
+        self.server = server
+        self.context = browser.new_context(viewport={"width": width, "height": height}, color_scheme=scheme, accept_downloads=True)
+        self.page = self.context.new_page()
+        self.complaints: list[str] = []
+        self.page.on("console", lambda m: self.complaints.append(m.text) if m.type in ("error", "warning") else None)
+        self.page.on("pageerror", lambda e: self.complaints.append(str(e)))
+        self.page.goto(server.address)
+
+    def go(self, name: str, **query) -> None:
+        text = "&".join(f"{k}={v}" for k, v in query.items())
+        self.page.goto(f"{self.server.base}/{name}?p={self.server.project.id if self.server.project else ''}&{text}")
+
+    def until(self, expression: str, seconds: float = 60.0) -> None:
+        """Wait for an expression of the page. The pages' policy forbids eval inside them, so that it is asked from outside."""
+        end = time.monotonic() + seconds
+        while not self.page.evaluate(expression):
+            assert time.monotonic() < end, f"{expression} did not come true; the page shows:\n{self.page.inner_text('main')[:1500]}\n{self.complaints}"
+            time.sleep(0.05)
+
+    def close(self) -> None:
+        self.context.close()

@@ -43,7 +43,7 @@ def series(data: dict[str, np.ndarray], with_coulomb: bool) -> tuple[dict, np.nd
     """Header and values as driveid_series gives them."""
     torque, predicted, _ = balance(data, with_coulomb)
     rows = [("i_q_A", "A", "signal", data["i_q_A"]), ("theta_rad", "rad", "signal", data["theta_rad"]), ("omega_rad_s", "rad/s", "signal", data["omega_rad_s"]),
-            ("tau_Nm", "N m", "signal", torque), ("tau_Nm.equation", "N m", "prediction", predicted), ("tau_Nm.equation.residual", "N m", "residual", torque - predicted)]
+            ("tau_Nm", "N m", "signal", torque), ("tau_Nm.one_step", "N m", "prediction", predicted), ("torque.equation", "N m", "residual", torque - predicted)]
     header = {"series": [{"name": n, "unit": u, "what": w} for n, u, w, _ in rows], "rows": len(data["t_s"])}
     return header, np.stack([r for *_, r in rows])
 

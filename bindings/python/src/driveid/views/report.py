@@ -49,8 +49,9 @@ def _clouds(series: list[Series]) -> str:
     balance = one.balance()
     if balance is None:
         return ""
+    heading = f"<h3>{escape(one.record)}, {escape(balance.title)}</h3>"
     plots = [pieces.cloud(c.values, balance.values, c.title, c.unit, balance.unit) for c in coordinates(one) if c.key != "t_s"]
-    return '<div style="display:grid;grid-template-columns:repeat(auto-fit,minmax(320px,1fr));gap:10px">' + "".join(plots[:6]) + "</div>"
+    return heading + '<div style="display:grid;grid-template-columns:repeat(auto-fit,minmax(320px,1fr));gap:10px">' + "".join(plots[:6]) + "</div>"
 
 
 def _found(doc: view.Document) -> str:

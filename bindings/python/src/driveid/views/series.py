@@ -20,8 +20,12 @@ class Curve:
     what: str
     values: np.ndarray
 
+    @property
+    def title(self) -> str:
+        return f"{self.name.partition('.')[0].replace('_', ' ')} balance: what is left" if self.what == "residual" else units.symbol(self.name)
 
-_HOW = {"free_run": "free run from the start", "one_step": "one step ahead", "equation": "balance of the equation"}
+
+_HOW = {"free_run": "free run from the start", "one_step": "one step ahead"}
 
 
 @dataclass(frozen=True)
@@ -106,10 +110,14 @@ class Series:
             out.append(Pair(base, curve.name, f"{units.symbol(base)}, {_HOW.get(how, how)}", curve.unit, measured.values, curve.values))
         return sorted(out, key=lambda p: p.title)
 
-    def balance(self) -> Curve | None:
-        """Residual of the equation (torque, force or voltage that the model cannot account for)."""
-        residuals = [c for c in self.curves if c.what == "residual"]
-        return next((c for c in residuals if "equation" in c.name), residuals[0] if residuals else None)
+    def balances(self) -> list[Curve]:
+        """Residuals of the equations: torque, force or voltage that the model cannot account for."""
+        return [c for c in self.curves if c.what == "residual" and np.isfinite(c.values).any()]
+
+    def balance(self, name: str = "") -> Curve | None:
+        """The residual of that name, else the first."""
+        found = self.balances()
+        return next((c for c in found if c.name == name), found[0] if found else None)
 
 
 def as_series(found: object) -> Series:

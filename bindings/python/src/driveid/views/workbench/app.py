@@ -85,7 +85,8 @@ class Workbench:
 
     async def where(self, request: Request) -> Response:
         project, chain, record = self._project(request), self._chain(request.query_params.get("add", "")), self._record(request)
-        head, arrays = await self._answer(request, lambda tell: pages.cloud_page(self.engine, project, chain, record, tell))
+        equation = request.query_params.get("eq", "")
+        head, arrays = await self._answer(request, lambda tell: pages.cloud_page(self.engine, project, chain, record, equation, tell))
         return Response(pack(head, arrays), media_type="application/octet-stream")
 
     async def missing(self, request: Request) -> Response:

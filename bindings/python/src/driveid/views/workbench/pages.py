@@ -11,7 +11,7 @@ from .. import model as view
 from .. import pieces, units
 from ..clouds import Coordinate, coordinates, spectrum
 from ..decimate import Pyramid, trace
-from ..series import Series
+from ..series import Curve, Series
 from .engine import Chain, Engine, Trouble
 from .jobs import Progress
 from .projects import Project
@@ -49,7 +49,7 @@ def _chain_name(chain: Chain) -> str:
 def compare_page(engine: Engine, project: Project, chain: Chain, record: int, tell: Progress) -> dict:
     doc = view.document(engine.compared(project, chain, tell))
     series = engine.series(project, chain, record, tell)
-    pairs = [{"name": p.key, "title": p.title, "unit": p.unit, "symbol": p.symbol} for p in series.pairs()]
+    pairs = [{"name": p.key, "title": p.title} for p in series.pairs()] + [{"name": c.name, "title": c.title} for c in series.balances()]
     return {"errors": side_by_side(doc), "tests": pieces.tests(doc.tests), "notices": doc.notices, "pairs": pairs, "model": doc.model.title}
 
 
@@ -118,24 +118,27 @@ def pair_trace(engine: Engine, project: Project, chains: list[Chain], others: li
     if not found:
         raise Trouble("choose at least one model")
     arrays: dict[str, np.ndarray] = {}
-    names = []
-    for k, (name, series) in enumerate(found):
-        match = next((p for p in series.pairs() if p.key == pair), None) or next(iter(series.pairs()), None)
-        if match is None:
+    head: dict = {"models": [name for name, _ in found]}
+    for k, (_, series) in enumerate(found):
+        match = next((p for p in series.pairs() if p.key == pair), None)
+        if match is not None:
+            t, rows = trace(series.t_s, [series.pyramid(match.measured_name), series.pyramid(match.model_name), series.residual_pyramid(match)], begin, end, pixels)
+            arrays |= {f"model{k}": rows[1], f"residual{k}": rows[2]} | ({"t": t, "measured": rows[0]} if k == 0 else {})
+            head |= {"symbol": match.symbol, "unit": units.pretty_unit(match.unit)}
+            continue
+        left = series.balance(pair)
+        if left is None:
             raise Trouble("this record has no signal that the model predicts")
-        t, rows = trace(series.t_s, [series.pyramid(match.measured_name), series.pyramid(match.model_name), series.residual_pyramid(match)], begin, end, pixels)
-        if k == 0:
-            arrays |= {"t": t, "measured": rows[0]}
-            symbol, unit, title = match.symbol, match.unit, match.title
-        arrays |= {f"model{k}": rows[1], f"residual{k}": rows[2]}
-        names.append(name)
-    return {"symbol": symbol, "unit": units.pretty_unit(unit), "title": title, "models": names}, arrays
+        t, rows = trace(series.t_s, [series.pyramid(left.name)], begin, end, pixels)
+        arrays |= {f"residual{k}": rows[0]} | ({"t": t} if k == 0 else {})
+        head |= {"unit": units.pretty_unit(left.unit), "only": "residual"}
+    return head, arrays
 
 
-def cloud_page(engine: Engine, project: Project, chain: Chain, record: int, tell: Progress) -> tuple[dict, dict]:
+def cloud_page(engine: Engine, project: Project, chain: Chain, record: int, equation: str, tell: Progress) -> tuple[dict, dict]:
     """Residual of the equation against everything it may depend on, thinned to some thousand points that all views share."""
     series = engine.series(project, chain, record, tell)
-    residual = series.balance()
+    residual = series.balance(equation)
     if residual is None:
         raise Trouble("this record gives no residual: the model predicts none of its signals")
     doc = view.document(engine.compared(project, chain, tell))
@@ -149,7 +152,8 @@ def cloud_page(engine: Engine, project: Project, chain: Chain, record: int, tell
     arrays = {"t": series.t_s[keep], "residual": residual.values[keep]}
     arrays |= {c.key: c.values[keep] for c in known if c.key != "t_s"} | {"frequency": frequency, "amplitude": amplitude}
     head = {"unit": units.pretty_unit(residual.unit), "coordinates": [{"key": c.key, "title": c.title, "unit": c.unit} for c in known],
-            "regimes": pieces.regimes(regimes), "regime_boxes": [_box(r, known) for r in regimes[:10]], "points": int(keep.size), "rows": len(series.t_s)}
+            "regimes": pieces.regimes(regimes), "regime_boxes": [_box(r, known) for r in regimes[:10]], "points": int(keep.size), "rows": len(series.t_s),
+            "equations": [{"name": c.name, "title": c.title} for c in series.balances()], "equation": residual.name}
     return head, arrays
 
 
@@ -191,7 +195,7 @@ def evidence(engine: Engine, project: Project, chain: Chain, effect: str, record
     """What the effect predicts of the residual, drawn over the measured one."""
     before = engine.series(project, chain, record, tell)
     after = engine.series(project, (*chain, effect), record, tell)
-    old, new = before.balance(), after.balance()
+    old, new = _most_explained(before, after)
     if old is None or new is None:
         return {"html": '<p class="soft">This record gives no residual to draw.</p>'}
     known = {c.key: c for c in coordinates(before)}
@@ -200,6 +204,18 @@ def evidence(engine: Engine, project: Project, chain: Chain, effect: str, record
     plot = pieces.cloud(at.values, old.values, at.title, at.unit, units.pretty_unit(old.unit), predicted)
     legend = '<div class="legend"><span class="residual">residual</span><span class="measured">its mean</span><span class="predicted">what the effect says</span></div>'
     return {"html": legend + plot}
+
+
+def _most_explained(before: Series, after: Series) -> tuple[Curve | None, Curve | None]:
+    """The equation whose residual the effect lowers most: torque for friction, voltage for a resistance."""
+    def left(curve: Curve) -> float:
+        new = after.balance(curve.name)
+        old = np.nanmean(curve.values**2)
+        return float(np.nanmean(new.values**2) / old) if new is not None and new.name == curve.name and old > 0.0 else 1.0
+
+    known = before.balances()
+    best = min(known, key=left) if known else None
+    return best, after.balance(best.name) if best else None
 
 
 def stairs_page(engine: Engine, project: Project, chain: Chain, kind: str, tell: Progress) -> dict:

@@ -67,26 +67,31 @@ class View {
       this.plots = head.names.map((n, k) => new TimePlot(places[k], [{ name: n, colour: "measured" }], { title: head.symbols[k], unit: head.units[k], height: height + (k === head.names.length - 1 ? 18 : 0), timeAxis: k === head.names.length - 1, ...zoomed }));
       return;
     }
-    const legend = el("div.legend", {}, el("span.measured", {}, "measured"), ...head.models.map((m, k) => el(`span.model${k}`, {}, m)));
+    const legend = el("div.legend", {}, head.only ? null : el("span.measured", {}, "measured"), ...head.models.map((m, k) => el(`span.model${k}`, {}, m)));
     const top = el("div"), low = el("div");
     this.box.replaceChildren(cap, legend, top, low);
     const models = head.models.map((m, k) => ({ name: m, ...MODEL[k % 4] }));
     const room = Math.max(300, innerHeight - 430);
+    const residuals = models.map((m, k) => ({ ...m, colour: head.models.length === 1 ? "residual" : m.colour, dash: undefined, width: 1, k }));
+    if (head.only) {
+      this.plots = [new TimePlot(top, residuals, { title: "residual", unit: head.unit, height: room + 16, ...zoomed })];
+      return;
+    }
     this.plots = [
       new TimePlot(top, [{ name: "measured", colour: "measured", width: 1.1 }, ...models], { title: head.symbol, unit: head.unit, height: Math.round(room * 0.62), timeAxis: false, ...zoomed }),
-      new TimePlot(low, models.map((m, k) => ({ ...m, colour: head.models.length === 1 ? "residual" : m.colour, dash: undefined, width: 1, k })), { title: "residual", unit: head.unit, height: Math.round(room * 0.38) + 16, ...zoomed }),
+      new TimePlot(low, residuals, { title: "residual", unit: head.unit, height: Math.round(room * 0.38) + 16, ...zoomed }),
     ];
   }
 
   draw(head, a) {
-    const key = JSON.stringify([head.names, head.models]);
+    const key = JSON.stringify([head.names, head.models, head.only]);
     if (key !== this.key) this.build(head);
     this.key = key;
     const [begin, end] = this.now;
     if (this.signal === "signals") head.names.forEach((n, k) => this.plots[k].data(a.t, [a[n]], begin, end));
     else {
-      this.plots[0].data(a.t, [a.measured, ...head.models.map((_, k) => a[`model${k}`])], begin, end);
-      this.plots[1].data(a.t, head.models.map((_, k) => a[`residual${k}`]), begin, end);
+      if (!head.only) this.plots[0].data(a.t, [a.measured, ...head.models.map((_, k) => a[`model${k}`])], begin, end);
+      this.plots.at(-1).data(a.t, head.models.map((_, k) => a[`residual${k}`]), begin, end);
     }
     const whole = begin <= this.full[0] && end >= this.full[1];
     this.words.textContent = whole ? "drag or wheel to zoom, 0 for all" : `${seconds(begin)} … ${seconds(end)}`;

@@ -12,11 +12,12 @@ export function mount(place, { project, signal }) {
   const record = state.get("r", "0").split("+")[0];
   const chips = project.records.map((r, k) => el("button.chip", { "aria-pressed": String(String(k) === record), onclick: () => state.go({ r: k, sel: null }) }, `${r.name} (${r.role})`));
   const count = el("span.soft"), clear = el("button", { onclick: () => act(null), hidden: true }, "Clear selection");
-  const body = el("div");
-  place.replaceChildren(el("div.row", {}, ...chips, el("span.space"), count, clear), body);
+  const body = el("div"), pick = el("span");
+  place.replaceChildren(el("div.row", {}, ...chips, pick, el("span.space"), count, clear), body);
 
   into(body, signal, "looking where it fails", async (options) => {
-    const { head, arrays } = await api.binary("where", { p: project.id, add: state.get("add"), r: record }, options);
+    const { head, arrays } = await api.binary("where", { p: project.id, add: state.get("add"), r: record, eq: state.get("eq") }, options);
+    if (head.equations.length > 1) pick.replaceChildren(el("select", { "aria-label": "which equation", onchange: (e) => state.go({ eq: e.target.value, sel: null }) }, ...head.equations.map((q) => el("option", { value: q.name, selected: q.name === head.equation }, q.title))));
     const time = el("section.card.tight"), grid = el("div.clouds"), bars = el("section.card", { html: `<h2>What holds the error</h2>${head.regimes}` });
     body.replaceChildren(el("div.where", {}, bars, el("div", {}, time, grid)));
     const y = arrays.residual, mask = new Uint8Array(y.length), lit = new Float32Array(y.length).fill(NaN);

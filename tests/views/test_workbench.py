@@ -1,0 +1,170 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The five pages in Debian's Chromium, with the bundled example and the library's own answers."""
+
+import os
+from pathlib import Path
+
+import pytest
+from conftest import Screen, Server
+from driveid.views.workbench.projects import bundled_example
+
+SHOTS = os.environ.get("DRIVEID_SCREENSHOTS")
+READY = {
+    "compare": "document.querySelectorAll('.uplot').length >= 2 && document.querySelectorAll('table').length >= 1",
+    "where": "document.querySelectorAll('.clouds canvas').length >= 5 && document.querySelectorAll('.bars .track').length >= 1",
+    "missing": "document.querySelectorAll('.candidate svg.plot').length >= 1",
+    "falls": "document.querySelectorAll('[data-steps] svg.plot').length === 1 && document.querySelectorAll('table').length >= 1",
+}
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory):
+    server = Server(bundled_example(), "/tmp/driveid-nobody.sock", tmp_path_factory.mktemp("state"))
+    yield server
+    server.stop()
+
+
+@pytest.fixture
+def screen(chromium, server):
+    screen = Screen(chromium, server)
+    yield screen
+    complaints = screen.complaints
+    screen.close()
+    assert complaints == []
+
+
+def shot(screen: Screen, name: str, folder: Path) -> None:
+    """Kept where DRIVEID_SCREENSHOTS points, else only made."""
+    picture = screen.page.screenshot(path=str(Path(SHOTS or folder) / f"{name}.png"))
+    assert len(picture) > 8000, "the picture is empty"
+
+
+@pytest.mark.parametrize("page", list(READY))
+@pytest.mark.parametrize(("scheme", "size"), [("light", (1280, 720)), ("dark", (1024, 768))])
+def test_page_shows_real_data_at_two_sizes_light_and_dark(chromium, server, tmp_path, page, scheme, size):
+    screen = Screen(chromium, server, *size, scheme)
+    screen.go(page, add="" if page == "missing" else "coulomb")
+    screen.until(READY[page], 120)
+    screen.page.wait_for_timeout(300)
+    shot(screen, f"{page}-{scheme}", tmp_path)
+    wide = screen.page.evaluate("document.documentElement.scrollWidth - innerWidth")
+    assert wide <= 0, "the page is wider than the screen"
+    assert screen.complaints == []
+    screen.close()
+
+
+def test_first_start_opens_the_bundled_example(chromium, tmp_path):
+    server = Server(None, "/tmp/driveid-nobody.sock", tmp_path)
+    screen = Screen(chromium, server)
+    screen.until("document.querySelector('#strip .name')?.textContent.includes('Example')")
+    assert "/compare?p=" in screen.page.url and "token" not in screen.page.url
+    screen.close()
+    server.stop()
+
+
+def test_linked_selection_selects_in_every_view_and_is_in_the_address(screen):
+    screen.go("where")
+    screen.until(READY["where"], 120)
+    canvas = screen.page.locator("canvas[data-key=speed]")
+    box = canvas.bounding_box()
+    screen.page.mouse.move(box["x"] + box["width"] * 0.55, box["y"] + 12)
+    screen.page.mouse.down()
+    screen.page.mouse.move(box["x"] + box["width"] * 0.8, box["y"] + box["height"] * 0.8, steps=6)
+    screen.page.mouse.up()
+    count = int(screen.page.get_attribute("[data-selected]", "data-selected"))
+    assert count > 20 and "sel=speed" in screen.page.url
+    lit = "(c) => { const d = c.getContext('2d').getImageData(0, 0, c.width, c.height).data; let n = 0; for (let k = 0; k < d.length; k += 4) if (d[k] > 190 && d[k+1] > 60 && d[k+1] < 130 && d[k+2] < 60) n++; return n; }"
+    for key in ("speed", "acceleration", "turn", "current"):
+        assert screen.page.locator(f"canvas[data-key={key}]").evaluate(lit) > 20, key
+    assert screen.page.locator(".uplot canvas").first.evaluate(lit) > 20
+    screen.page.reload()
+    screen.until("document.querySelector('[data-selected]')?.dataset.selected > 0", 60)
+    assert int(screen.page.get_attribute("[data-selected]", "data-selected")) == pytest.approx(count, abs=3)
+    screen.page.keyboard.press("Escape")
+    assert "sel=" not in screen.page.url
+
+
+def test_button_adds_the_effect_the_staircase_grows_and_undo_takes_it_out(screen):
+    screen.go("missing")
+    screen.until("document.querySelectorAll('.candidate button.primary').length >= 1", 120)
+    first = screen.page.get_attribute(".candidate", "data-effect")
+    screen.page.click(".candidate button.primary")
+    screen.until(f"location.pathname === '/falls' && document.querySelector('[data-steps]')?.dataset.steps === '2' && location.search.includes('add={first}')", 120)
+    held = screen.page.evaluate("[...document.querySelectorAll('rect.held title')].map((t) => t.textContent)")
+    assert len(held) == 2
+    assert screen.page.locator(f"[data-added={first}]").count() == 1
+    screen.page.reload()
+    screen.until("document.querySelector('[data-steps]')?.dataset.steps === '2'", 60)
+    screen.page.keyboard.press("u")
+    screen.until("document.querySelector('[data-steps]')?.dataset.steps === '1' && !location.search.includes('add=')", 60)
+    screen.page.go_back()
+    screen.until("document.querySelector('[data-steps]')?.dataset.steps === '2'", 60)
+
+
+def test_zoom_asks_for_detail_and_stays_in_the_address(screen):
+    screen.go("compare")
+    screen.until(READY["compare"], 120)
+    over = screen.page.locator(".u-over").first.bounding_box()
+    screen.page.mouse.move(over["x"] + over["width"] * 0.3, over["y"] + 40)
+    screen.page.mouse.down()
+    screen.page.mouse.move(over["x"] + over["width"] * 0.5, over["y"] + 40, steps=5)
+    screen.page.mouse.up()
+    screen.until("location.search.includes('t=')", 10)
+    begin, end = (float(v) for v in screen.page.evaluate("new URLSearchParams(location.search).get('t')").split(","))
+    assert 0.25 < begin / 16 < 0.35 and 0.45 < end / 16 < 0.55
+    screen.page.reload()
+    screen.until("document.querySelector('.cap span:last-child')?.textContent.includes('…')", 60)
+    screen.page.locator(".u-over").first.hover()
+    screen.page.keyboard.press("0")
+    screen.until("!location.search.includes('t=')", 10)
+
+
+def test_side_by_side_and_several_models(screen):
+    screen.go("compare", add="coulomb", r="0%2B1", models="0,1")
+    screen.until("document.querySelectorAll('.uplot').length === 4", 120)
+    assert screen.page.locator(".halves .legend .model1").count() == 2
+
+
+def test_keys_lead_through_the_pages(screen):
+    screen.go("compare")
+    for key, page in (("5", "falls"), ("4", "missing"), ("3", "where"), ("2", "compare")):
+        screen.page.keyboard.press(key)
+        screen.until(f"location.pathname === '/{page}'", 5)
+    screen.page.keyboard.press("?")
+    assert screen.page.locator("dialog[open]").count() == 1
+
+
+def test_exports(screen, tmp_path):
+    screen.go("falls", add="coulomb")
+    screen.until(READY["falls"], 120)
+    for name, words in (("model.toml", 'name = "coulomb"'), ("driveidd.toml", "[[drive]]"), ("report.html", "The error falls")):
+        with screen.page.expect_download(timeout=120_000) as download:
+            screen.page.click(f"[data-export='{name}']")
+        path = tmp_path / name
+        download.value.save_as(path)
+        assert words in path.read_text("utf-8")
+
+
+def test_unknown_project_says_what_to_do(screen):
+    screen.page.goto(f"{screen.server.base}/compare?p=gone")
+    screen.until("document.querySelector('.trouble')?.textContent.includes('open its model and records')", 10)
+    screen.complaints.clear()  # the browser reports the refused question itself
+
+
+def test_open_dialog_reads_a_record_of_the_user(screen, tmp_path):
+    import example
+
+    data = example.drive(rows=4000)
+    record = tmp_path / "mine.csv"
+    record.write_text(",".join(data) + "\n" + "\n".join(",".join(f"{v:.8g}" for v in row) for row in zip(*data.values(), strict=True)))
+    screen.go("compare")
+    screen.page.click("#open-button")
+    screen.page.fill("#f-training", "/no/such.csv")
+    screen.page.click("dialog button.primary")
+    screen.until("document.querySelector('dialog .error').textContent.includes('/no/such.csv')", 10)
+    screen.complaints.clear()  # the browser reports the refused question itself
+    screen.page.fill("#f-training", str(record))
+    screen.page.fill("#f-given", "K_t_Nm_A=0.05")
+    screen.page.click("dialog button.primary")
+    screen.until("document.querySelector('#strip .name')?.textContent === 'mine'", 30)
+    screen.until(READY["compare"], 120)
