@@ -78,7 +78,7 @@ def _where(doc: view.Document, console: Console, most: int = 6) -> None:
         return
     table = _table("where it fails", "", "share of the error", "of the time", right=("share of the error", "of the time"))
     for r in regimes:
-        table.add_row(r.coordinate, r.label, units.percent(r.share), units.percent(r.of_time) if r.of_time is not None else "-")
+        table.add_row(r.axis, r.label, units.percent(r.share), units.percent(r.of_time) if r.of_time is not None else "-")
     console.print(table)
 
 
