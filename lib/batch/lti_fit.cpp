@@ -32,7 +32,7 @@ Regression regression(const Data &d, const VectorXd &output, const VectorXd &f) 
 // Mirror unstable or marginal roots to the left half plane: a filter must decay.
 VectorXd stabilised(const VectorXd &a, double slowest) {
     const Eigen::Index n = a.size();
-    Eigen::VectorXcd root = Eigen::EigenSolver<MatrixXd>(modal::companion(static_cast<std::size_t>(n), a.data())).eigenvalues();
+    const Eigen::VectorXcd root = modal::eigenvalues(modal::companion(static_cast<std::size_t>(n), a.data()));
     Eigen::VectorXcd polynomial = Eigen::VectorXcd::Zero(n + 1);
     polynomial(0) = 1;
     for (Eigen::Index k = 0; k < n; k++) {
@@ -78,9 +78,8 @@ std::optional<VectorXd> total_least_squares(const Regression &r) {
     // Reduce to the triangle first: the SVD then costs nothing in the number of rows.
     const VectorXd scale = all.colwise().norm().transpose();
     if ((scale.array() <= 0).any()) return std::nullopt;
-    const MatrixXd R = (all * scale.cwiseInverse().asDiagonal()).householderQr().matrixQR().topRows(all.cols()).template triangularView<Eigen::Upper>();
-    const Eigen::JacobiSVD<MatrixXd> svd(R, Eigen::ComputeFullV);
-    const VectorXd v = scale.cwiseInverse().asDiagonal() * svd.matrixV().col(all.cols() - 1);
+    const MatrixXd R = modal::triangle(all * scale.cwiseInverse().asDiagonal());
+    const VectorXd v = scale.cwiseInverse().asDiagonal() * modal::last_right_singular_vector(R);
     if (std::abs(v(v.size() - 1)) < 1e-300) return std::nullopt;
     return VectorXd(-v.head(v.size() - 1) / v(v.size() - 1));
 }
@@ -88,7 +87,7 @@ std::optional<VectorXd> total_least_squares(const Regression &r) {
 std::optional<VectorXd> instrumental(const Regression &r, const MatrixXd &Z) {
     const VectorXd scale = Z.colwise().norm().transpose();
     if ((scale.array() <= 0).any()) return std::nullopt;
-    const MatrixXd Q = (Z * scale.cwiseInverse().asDiagonal()).householderQr().householderQ() * MatrixXd::Identity(Z.rows(), Z.cols());
+    const MatrixXd Q = modal::orthonormal_columns(Z * scale.cwiseInverse().asDiagonal());
     const auto x = modal::solve(Q.transpose() * r.Phi, Q.transpose() * r.top);
     if (!x) return std::nullopt;
     return VectorXd(x->col(0));
@@ -103,16 +102,15 @@ MatrixXd sandwich(const MatrixXd &Phi, const MatrixXd &Z, const VectorXd &residu
         const MatrixXd cross = score.topRows(N - l).transpose() * score.bottomRows(N - l);
         middle += (1.0 - static_cast<double>(l) / static_cast<double>(lags + 1)) * (cross + cross.transpose());
     }
-    const MatrixXd bread = (Z.transpose() * Phi).fullPivLu().inverse();
+    const MatrixXd bread = modal::inverse(Z.transpose() * Phi);
     return bread * middle * bread.transpose();
 }
 
 // sigma^2 (Z'Z)^-1 through the triangle of Z.
 MatrixXd efficient(const MatrixXd &Z, double sigma) {
     const VectorXd scale = Z.colwise().norm().transpose().cwiseInverse();
-    const MatrixXd R = (Z * scale.asDiagonal()).householderQr().matrixQR().topRows(Z.cols()).template triangularView<Eigen::Upper>();
-    const MatrixXd inverse = scale.asDiagonal() * R.template triangularView<Eigen::Upper>().solve(MatrixXd::Identity(Z.cols(), Z.cols()));
-    return sigma * sigma * inverse * inverse.transpose();
+    const MatrixXd factor = scale.asDiagonal() * modal::inverse(modal::triangle(Z * scale.asDiagonal()));
+    return sigma * sigma * factor * factor.transpose();
 }
 
 struct Fit {

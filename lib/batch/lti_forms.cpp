@@ -2,8 +2,6 @@
 // What an identified transfer function means: poles, zeros, damping with intervals, Bode data, forms in s, z and q.
 #include "batch/lti_filter.hpp"
 
-#include <unsupported/Eigen/MatrixFunctions>
-
 #include <algorithm>
 #include <cmath>
 #include <complex>
@@ -20,7 +18,7 @@ std::vector<Complex> roots(std::vector<double> c) {
     const std::size_t n = c.size() - 1;
     if (n == 0) return {};
     for (std::size_t k = 0; k < n; k++) c[k] /= c[n];
-    const Eigen::VectorXcd e = Eigen::EigenSolver<MatrixXd>(companion(n, c.data())).eigenvalues();
+    const Eigen::VectorXcd e = driveid::modal::eigenvalues(companion(n, c.data()));
     std::vector<Complex> r(e.begin(), e.end());
     std::sort(r.begin(), r.end(), [](Complex a, Complex b) {
         if (std::abs(std::abs(a) - std::abs(b)) > 1e-12 * (std::abs(a) + std::abs(b))) return std::abs(a) < std::abs(b);
@@ -132,10 +130,10 @@ driveid_status driveid_lti_from_z(size_t order, const double *az, const double *
     block.topLeftCorner(n, n) = companion(order, az).transpose();
     for (Eigen::Index i = 0; i < n; i++) block(i, n) = bz[i];
     block(n, n) = 1;
-    const MatrixXd logarithm = block.log() / T_s;
-    if (!logarithm.allFinite()) return DRIVEID_ERR_NUMERIC;
-    const MatrixXd Ac = logarithm.topLeftCorner(n, n);
-    VectorXd x = logarithm.topRightCorner(n, 1);
+    const MatrixXd log_block = driveid::modal::logarithm(block) / T_s;
+    if (!log_block.allFinite()) return DRIVEID_ERR_NUMERIC;
+    const MatrixXd Ac = log_block.topLeftCorner(n, n);
+    VectorXd x = log_block.topRightCorner(n, 1);
     const VectorXd a = driveid::modal::characteristic(Ac);
     *model = {};
     model->order = order;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "batch/modal_internal.hpp"
 
+#include <Eigen/Dense>
 #include <unsupported/Eigen/MatrixFunctions>
 
 #include <algorithm>
@@ -43,6 +44,44 @@ MatrixXd companion(std::size_t order, const double *a) {
 }
 
 MatrixXd exponential(const MatrixXd &A, double t_s) { return (A * t_s).exp(); }
+
+// Inverse scaling and squaring: square roots by the product form of Denman and Beavers until A is near the identity, then
+// log A = 2 artanh((A - I)(A + I)^-1). Eigen's own logarithm costs the compiler a minute.
+MatrixXd logarithm(const MatrixXd &A) {
+    const MatrixXd I = MatrixXd::Identity(A.rows(), A.cols());
+    MatrixXd root = A;
+    double scale = 2;
+    while ((root - I).norm() > 0.05 && scale < 1e12) {
+        MatrixXd Y = root, Z = I;
+        for (int k = 0; k < 50; k++) {
+            const MatrixXd next = (Y + inverse(Z)) / 2;
+            Z = (Z + inverse(Y)) / 2;
+            const double change = (next - Y).norm();
+            Y = next;
+            if (!(change > 1e-15 * Y.norm())) break;
+        }
+        root = Y;
+        scale *= 2;
+    }
+    const MatrixXd x = (root - I) * inverse(root + I), square = x * x;
+    MatrixXd sum = MatrixXd::Zero(A.rows(), A.cols()), power = x;
+    for (int k = 0; k < 12; k++, power = (power * square).eval()) sum += power / (2 * k + 1);
+    return scale * sum;
+}
+
+Eigen::VectorXcd eigenvalues(const MatrixXd &A) { return Eigen::EigenSolver<MatrixXd>(A, false).eigenvalues(); }
+
+VectorXd singular_values(const MatrixXd &A) { return Eigen::JacobiSVD<MatrixXd>(A).singularValues(); }
+
+VectorXd last_right_singular_vector(const MatrixXd &A) {
+    return Eigen::JacobiSVD<MatrixXd>(A, Eigen::ComputeFullV).matrixV().rightCols(1);
+}
+
+MatrixXd orthonormal_columns(const MatrixXd &A) { return A.householderQr().householderQ() * MatrixXd::Identity(A.rows(), A.cols()); }
+
+MatrixXd triangle(const MatrixXd &A) { return A.householderQr().matrixQR().topRows(A.cols()).triangularView<Eigen::Upper>(); }
+
+MatrixXd inverse(const MatrixXd &A) { return A.fullPivLu().inverse(); }
 
 VectorXd characteristic(const MatrixXd &A) {
     const Eigen::Index n = A.rows();

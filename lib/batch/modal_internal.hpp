@@ -2,7 +2,7 @@
 // What the files of the modal method share: quadrature weights, solves that return rank, companion matrices.
 #pragma once
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <driveid/modal.h>
 
 #include <optional>
@@ -27,6 +27,15 @@ MatrixXd companion(std::size_t order, const double *a);
 
 // e^{A t}
 MatrixXd exponential(const MatrixXd &A, double t_s);
+
+// The costly decompositions stand once, in modal_internal.cpp: each is a minute of template work for the compiler.
+MatrixXd logarithm(const MatrixXd &A);
+Eigen::VectorXcd eigenvalues(const MatrixXd &A);
+VectorXd singular_values(const MatrixXd &A);
+VectorXd last_right_singular_vector(const MatrixXd &A);
+MatrixXd orthonormal_columns(const MatrixXd &A); // Q of A = Q R
+MatrixXd triangle(const MatrixXd &A);            // R of A = Q R
+MatrixXd inverse(const MatrixXd &A);
 
 // Coefficients a_0 .. a_{n-1} of the characteristic polynomial by the trace recursion [EQ MOD-4.50, first index a_{n-k+1}].
 VectorXd characteristic(const MatrixXd &A);

@@ -125,7 +125,7 @@ driveid_status driveid_modal_free_response(size_t order, double T_s, size_t rows
         }
     const auto transposed = solve(Z.transpose(), Y.transpose());  // Lambda = Y Z^+ [EQ MOD-4.55]
     if (!transposed) return DRIVEID_RANK;
-    Eigen::VectorXcd pole = Eigen::EigenSolver<MatrixXd>(transposed->transpose()).eigenvalues();
+    Eigen::VectorXcd pole = eigenvalues(transposed->transpose());
     if (!untustin) {
         Eigen::Map<VectorXd>(a, n) = characteristic(transposed->transpose());
     } else {
@@ -175,11 +175,11 @@ driveid_status driveid_prony(size_t order, double T_s, size_t rows, const double
     if (!x) return DRIVEID_RANK;
     VectorXd a(n);  // z^n + p_1 z^(n-1) + .. + p_n
     for (Eigen::Index k = 0; k < n; k++) a(n - 1 - k) = (*x)(k, 0);
-    Eigen::VectorXcd root = Eigen::EigenSolver<MatrixXd>(companion(order, a.data())).eigenvalues();
+    Eigen::VectorXcd root = eigenvalues(companion(order, a.data()));
     for (auto &z_k : root) z_k = std::log(std::complex<double>(z_k)) / (static_cast<double>(lag) * T_s);
     write_poles(root, re, im);
     if (condition) {
-        const VectorXd singular = Eigen::JacobiSVD<MatrixXd>(R).singularValues();
+        const VectorXd singular = singular_values(R);
         *condition = singular(0) / singular(n - 1);
     }
     return DRIVEID_OK;

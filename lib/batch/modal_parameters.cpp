@@ -121,7 +121,7 @@ std::optional<VectorXd> from_samples(const driveid_modal_task &t) {
         return VectorXd(-*x);
     }
     // The instrument's span: with V = Q S, (V'R)^-1 V'z = (Q'R)^-1 Q'z, which squares no condition number.
-    const MatrixXd Q = V.householderQr().householderQ() * MatrixXd::Identity(V.rows(), V.cols());
+    const MatrixXd Q = orthonormal_columns(V);
     const auto x = solve(Q.transpose() * R, Q.transpose() * z);
     if (!x) return std::nullopt;
     return VectorXd(-*x);
@@ -206,13 +206,12 @@ driveid_status driveid_modal_parameters_from_a(size_t order, const double *a, do
     const auto n = static_cast<Eigen::Index>(order);
     MatrixXd psi(n, n);
     for (Eigen::Index i = 0; i < n; i++) psi.row(i) = exponential(A, -shift[i] * T_s).row(0);
-    Eigen::ColPivHouseholderQR<MatrixXd> qr(psi.transpose());
-    if (qr.rank() < n) return DRIVEID_RANK;
-    Eigen::RowVectorXd c = Eigen::RowVectorXd::Unit(n, 0);
-    for (size_t j = 0; j <= derivatives; j++, c = (c * A).eval()) {
-        const VectorXd row = qr.solve(-c.transpose());
-        for (Eigen::Index i = 0; i < n; i++) p[j * order + static_cast<size_t>(i)] = row(i);
-    }
+    MatrixXd right(n, static_cast<Eigen::Index>(derivatives) + 1);
+    VectorXd c = VectorXd::Unit(n, 0);
+    for (Eigen::Index j = 0; j < right.cols(); j++, c = (A.transpose() * c).eval()) right.col(j) = -c;
+    const auto x = solve(psi.transpose(), right);
+    if (!x) return DRIVEID_RANK;
+    Eigen::Map<MatrixXd>(p, n, right.cols()) = *x;
     return DRIVEID_OK;
 }
 
@@ -223,8 +222,8 @@ driveid_status driveid_modal_prefilter(size_t modes, const double *A_c, const do
     const Eigen::Map<const VectorXd> c(c_c, n);
     MatrixXd psi(n, n);
     for (Eigen::Index i = 0; i < n; i++) psi.row(i) = c.transpose() * exponential(A, -shift[i] * T_s);
-    Eigen::ColPivHouseholderQR<MatrixXd> qr(psi.transpose());
-    if (qr.rank() < n) return DRIVEID_RANK;
-    Eigen::Map<VectorXd>(l, n) = qr.solve(-c);
+    const auto x = solve(psi.transpose(), -c);
+    if (!x) return DRIVEID_RANK;
+    Eigen::Map<VectorXd>(l, n) = x->col(0);
     return DRIVEID_OK;
 }

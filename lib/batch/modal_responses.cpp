@@ -76,7 +76,7 @@ driveid_status driveid_modal_step_response(size_t order, size_t rows, const doub
     }
     const auto x = solve(U, Y_o);
     if (!x) return DRIVEID_RANK;
-    const MatrixXd G = (differences(n) * toeplitz(n, p_o)).triangularView<Eigen::Lower>().solve(*x);  // row i, column s: g(s + iT)
+    const MatrixXd G = inverse(differences(n) * toeplitz(n, p_o)) * *x;  // row i, column s: g(s + iT)
     std::vector<double> out(std::max(count, (order + 1) * hold));
     for (size_t i = 0; i <= order; i++)
         for (size_t s = 0; s < hold; s++) out[i * hold + s] = G(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(s));
@@ -142,7 +142,7 @@ driveid_status driveid_modal_observer(size_t order, const double *p, size_t hold
         VectorXd samples(n + 1);
         for (Eigen::Index i = 0; i <= n; i++) samples(i) = g[s + static_cast<size_t>(i) * hold];
         const VectorXd q_o = differences(n) * toeplitz(n, p) * samples;
-        return (differences(n).transpose() * gamma(p)).colPivHouseholderQr().solve(q_o);
+        return inverse(differences(n).transpose() * gamma(p)) * q_o;
     };
     if (p[order - 1] == 0) return DRIVEID_RANK;  // Gamma_o is then singular
     const VectorXd at_zero = unknowns(0), at_phase = unknowns(phase);
