@@ -59,7 +59,8 @@ export function mount(place, { project, signal }) {
     head.regime_boxes.forEach((box, k) => {
       if (!box || !spans[k]) return;
       spans[k].classList.add("pick");
-      spans[k].title = "show these points";
+      Object.assign(spans[k], { title: "show these points", tabIndex: 0, role: "button" });
+      spans[k].addEventListener("keydown", (e) => e.key === "Enter" && spans[k].click());
       spans[k].addEventListener("click", () => choose({ key: box.key, x0: box.lo, x1: box.hi, y0: -Infinity, y1: Infinity, abs: box.abs }));
     });
     const [named, ...edges] = state.list("sel"), abs = named?.endsWith("|"), key = named?.replace("|", "");
