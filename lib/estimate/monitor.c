@@ -5,6 +5,7 @@
 
 #define BLOCKS_FIRST 20     /* 1 s before the first alarm */
 #define BLOCKS_MEMORY 200.0 /* 10 s of blocks make what is usual */
+#define LEVEL_FALL 1e-5     /* of the level a block: a day of rest */
 
 void driveid_monitor_init(driveid_monitor *self, double threshold) {
     memset(self, 0, sizeof *self);
@@ -17,13 +18,15 @@ void driveid_monitor_skip(driveid_monitor *self) {
     self->over = 0;
 }
 
+/* level falls so slowly that a rest does not turn noise into work. */
 static void learn(driveid_monitor *self, double e2, double y2) {
     if (self->blocks == 0) self->noise = e2;
     if (self->blocks < UINT32_MAX) self->blocks++;
     const double share = 1 / (self->blocks < BLOCKS_MEMORY ? (double)self->blocks : BLOCKS_MEMORY);
-    self->level += share * (y2 - self->level);
-    if (y2 < 0.1 * self->level || e2 < self->noise) self->noise += share * (e2 - self->noise);
-    if (y2 > 0.1 * self->level && y2 > 0) self->ratio += share * ((e2 > self->noise ? e2 - self->noise : 0) / y2 - self->ratio);
+    self->level += (y2 > self->level ? share > 0.05 ? share : 0.05 : LEVEL_FALL) * (y2 - self->level);
+    const int works = y2 > 0.1 * self->level && y2 > 0;
+    if (!works || e2 < self->noise) self->noise += share * (e2 - self->noise);
+    if (works) self->ratio += share * ((e2 > self->noise ? e2 - self->noise : 0) / y2 - self->ratio);
 }
 
 static int close_block(driveid_monitor *self) {
