@@ -36,10 +36,7 @@ for part in (models, analyse, gateway, settings, workbench):
 def main() -> None:
     """Every error of ours is one sentence on standard error and exit code 2; a bug keeps its traceback."""
     try:
-        cli.main(standalone_mode=False)
-        code = 0
-    except click.exceptions.Exit as e:
-        code = e.exit_code
+        code = cli.main(standalone_mode=False) or 0  # what ctx.exit() was given
     except click.ClickException as e:
         e.show()
         code = e.exit_code

@@ -156,17 +156,15 @@ def improve(document: dict, console: Console) -> None:
 
 def stairs(doc: view.Document, console: Console) -> None:
     """One line a step: the errors fall, and the bar shows what is still removable."""
-    table = _table("step", "added", "training", "held out", "free run, held out", "removable left", "", right=("step", "training", "held out", "free run, held out", "removable left"))
+    table = _table("", "added", "training", "held out", "free run", "left", "", right=("", "training", "held out", "free run", "left"))
     for k, step in enumerate(doc.steps):
         train, held = step.training.by_kind, step.held_out.by_kind
         left = step.share_left if step.share_left is not None else (1.0 if k == 0 else None)
-        table.add_row(str(k), step.title, _error(train.get("equation")), _error(held.get("equation")), _error(held.get("free_run")),
-                      units.percent(left) if left is not None else "-", "█" * round(20 * min(max(left or 0.0, 0.0), 1.0)))
+        table.add_row(str(k), step.effect or "(as it came)", _error(train.get("equation")), _error(held.get("equation")),
+                      _error(held.get("free_run") or train.get("free_run")), units.percent(left) if left is not None else "-",
+                      "█" * round(12 * min(max(left or 0.0, 0.0), 1.0)))
     console.print(table)
-    for k, step in enumerate(doc.steps):
-        if step.parameters:
-            words = ", ".join(f"{p.name} = {p.text}" for p in step.parameters)
-            console.print(Text(f"  {k}: {words}"))
+    console.print("training, held out: balance of the equation; left: share of the removable error still there")
 
 
 def power(document: dict, console: Console) -> None:

@@ -70,7 +70,7 @@ def extract(data: np.ndarray, lengths: np.ndarray, start: int, length: int, litt
     bits = np.unpackbits(data, axis=1, bitorder="little")[:, positions].astype(np.uint64)
     raw = (bits << np.arange(length, dtype=np.uint64)).sum(axis=1, dtype=np.uint64).view(np.int64)
     if signed and length < 64:
-        raw = np.where(raw >> (length - 1) & 1, raw - (1 << length), raw)
+        raw = raw << (64 - length) >> (64 - length)
     return raw, ok
 
 
