@@ -36,6 +36,7 @@ def work(case, deep):
 
 def main():
     p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    p.add_argument("--quick", action="store_true", help="the quick set instead of the full one")
     p.add_argument("--commit", default=None, help="hash that the seeds come from (default: HEAD)")
     p.add_argument("--repeats", type=int, default=8, help="cases of each effect and size")
     p.add_argument("--limit", type=int, default=0, help="only the first N cases of the shuffled set")
@@ -48,7 +49,7 @@ def main():
     commit = o.commit or head()
     results_file = o.results or str(run.TOP / "out" / f"hidden-{commit[:12]}.jsonl")
     Path(results_file).parent.mkdir(parents=True, exist_ok=True)
-    wanted = [c for c in cases.full_set(commit, o.repeats) if not o.only or c.group in o.only or any(e in o.only for e in c.effects)]
+    wanted = [c for c in (cases.quick_set() if o.quick else cases.full_set(commit, o.repeats)) if not o.only or c.group in o.only or any(e in o.only for e in c.effects)]
     wanted = wanted[: o.limit] if o.limit else wanted
     done = {r["case"]: r for r in read_results(results_file)}
     left = [c for c in wanted if c.name not in done]
@@ -68,7 +69,7 @@ def main():
         return 130
     note = f"Seeds from commit `{commit[:12]}`; made by `python tests/hidden/full.py`."
     text = table.markdown([done[c.name] for c in wanted if c.name in done], "Hidden effects", note)
-    whole = not o.only and not o.limit
+    whole = not o.only and not o.limit and not o.quick
     target = o.table or (str(run.TOP / "docs/hidden-effects.md") if whole else None)
     if target:
         Path(target).write_text(text)

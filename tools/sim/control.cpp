@@ -35,9 +35,11 @@ Control::Volts Control::tick(const Reference &reference, double q, double i, dou
     next_.v = std::clamp(v, -d_.V_bus, d_.V_bus);
     if (v == next_.v) sum_ += d_.R * c * error * tick_s;
     if (d_.pmsm) {
-        const double v_d = -L_d * c * i_d + sum_d_ - w_e * d_.L_q * i;
+        static constexpr int PERIODS[] = {184, 328, 136, 456};  // ticks; an uneven beat, so that many frequencies are excited
+        if (--d_left_ <= 0) { d_left_ = PERIODS[d_count_++ % 4]; d_ref_ = d_ref_ > 0 ? -inject_d_ : inject_d_; }
+        const double error_d = d_ref_ - i_d, v_d = L_d * c * error_d + sum_d_ - w_e * d_.L_q * i;
         next_.v_d = std::clamp(v_d, -d_.V_bus, d_.V_bus);
-        if (v_d == next_.v_d) sum_d_ -= d_.R * c * i_d * tick_s;
+        if (v_d == next_.v_d) sum_d_ += d_.R * c * error_d * tick_s;
     }
     return out;
 }

@@ -68,6 +68,10 @@ void add_run(CLI::App &app) {
     command->add_option("--effect-at", q->effect_at_s, "s after the start at which it is switched on");
     command->add_option("--size", q->effect_size, "its size; 1 is large (cogging: 6 % of rated torque; delay: 6 ms)")->check(CLI::Range(0.0, 10.0))->capture_default_str();
     command->add_flag("--known-coulomb", q->known_coulomb, "the drive has Coulomb friction from the start");
+    auto *average = command->add_flag("--average", q->average, "currents are means over the sample (default: drawn)");
+    command->add_flag("--instant", q->instant, "currents are taken at the instant")->excludes(average);
+    command->add_option("--noise", q->noise, "times the drawn sensor noise")->check(CLI::Range(0.0, 100.0))->capture_default_str();
+    command->add_option("--inject-d", q->inject_d, "PMSM: square wave on the d current, share of rated")->check(CLI::Range(0.0, 1.0))->capture_default_str();
     command->add_option("--loss", q->loss, "share of frames lost")->check(CLI::Range(0.0, 1.0))->capture_default_str();
     command->add_option("--jitter", q->jitter_s, "jitter of the frames' stamps, s")->check(CLI::Range(0.0, 1.0))->capture_default_str();
     command->add_flag("--fd", q->layout.fd, "CAN FD: all signals in one frame");

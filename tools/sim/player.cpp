@@ -96,6 +96,9 @@ std::uint64_t play(const PlayRequest &q, const volatile std::sig_atomic_t *stop)
     Setup setup = draw_setup(draw);
     setup.open_loop = false;
     setup.program = q.program;
+    setup.noise = q.noise;
+    setup.inject_d = q.inject_d * setup.drive.I_rated;
+    if (q.average || q.instant) setup.sensors.average = q.average;
     setup.sensors.has_i = true; setup.sensors.has_tau = false; setup.sensors.current_is_q = true; setup.sensors.dirt.clear();
     if (!q.effect.empty() && !find_effect(q.effect)) throw std::runtime_error("unknown effect '" + q.effect + "': `driveid-sim effects` lists them");
     const auto layout = default_layout(setup, q.layout);

@@ -18,7 +18,8 @@ struct PlayRequest {
     double friction_change_at_s = -1, friction_factor = 1;
     double effect_at_s = -1, effect_size = 1;
     std::string effect;
-    bool known_coulomb = false;
+    bool known_coulomb = false, average = false, instant = false;
+    double noise = 1, inject_d = 0.15;         // sensor noise; d current of a PMSM, share of rated
     double speed = 1;                          // of real time; 0: as fast as possible (logs are always so)
     double loss = 0, jitter_s = 0;             // frames lost, and their arrival's jitter
     LayoutOptions layout;

@@ -8,7 +8,7 @@ namespace sim {
 Run::Run(const Setup &setup, std::uint64_t record)
     : setup_(setup),
       plant_(setup.drive, setup.hidden, Control::tick_s / setup.substeps, setup.seed * 31 + record),
-      control_(setup.drive, setup.open_loop, setup.sensors.phase),
+      control_(setup.drive, setup.open_loop, setup.sensors.phase, setup.inject_d),
       motion_(setup.drive, setup.seed * 31 + record, setup.program),
       noise_(setup.seed * 31 + record, "sensors"),
       ticks_per_sample_(static_cast<int>(std::lround(1.0 / (Control::tick_s * setup.sensors.rate_Hz)))) {}

@@ -28,6 +28,7 @@ struct Setup {
     std::uint64_t seed = 1;
     std::string program = "mixed";
     bool open_loop = false;
+    double inject_d = 0;   // A, on the d current of a PMSM
     double noise = 1;      // multiplies every sensor noise
     int substeps = 4;      // physics steps in a control tick
 };
