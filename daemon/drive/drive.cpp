@@ -185,25 +185,29 @@ void Drive::sample(const driveid_sample& s) {
     last_ns_ = s.stamp.t_ns;
     listener_.on_sample(index_, s);
     const driveid_status filled = driveid_online_channels(&online_, &s, channel_);
-    if (filled != DRIVEID_OK) {
-        if (filled < 0) status_ = filled;
-        return;
+    resting_ = filled == DRIVEID_FROZEN;  // the silence that the estimator then sees is no gap of the data
+    if (filled == DRIVEID_ERR_VALUE) ++counters_.rejected;
+    if (filled == DRIVEID_OK) {
+        const driveid_status updated = driveid_estimator_update(estimator(), online_.t_ns, channel_);
+        if (updated == DRIVEID_GAP && !was_resting_) ++counters_.gaps;
+        if (updated == DRIVEID_ERR_VALUE) ++counters_.rejected;
+        was_resting_ = false;
     }
-    const driveid_status updated = driveid_estimator_update(estimator(), s.stamp.t_ns, channel_);
-    if (updated == DRIVEID_GAP) ++counters_.gaps;
-    if (updated == DRIVEID_ERR_TIME) ++counters_.reordered;
-    if (updated == DRIVEID_ERR_VALUE) ++counters_.rejected;
-    if (s.stamp.t_ns < next_report_ns_ && next_report_ns_ - s.stamp.t_ns <= int64_t(config_.report_s * 1e9)) return;
+    was_resting_ |= resting_;
+    if (s.stamp.t_ns < next_report_ns_) return;
     next_report_ns_ = s.stamp.t_ns + int64_t(config_.report_s * 1e9);
     report();
 }
 
+// NOT_YET after a restart takes the trust away: the held values are from before the change.
 void Drive::report() {
     driveid_estimate e;
     const driveid_status status = driveid_estimator_estimate(estimator(), &e);
-    const bool written = status == DRIVEID_OK || status == DRIVEID_WEAK_EXCITATION || status == DRIVEID_RANK;
-    status_ = status;
-    if (written) {
+    const bool written = status == DRIVEID_OK || status == DRIVEID_WEAK_EXCITATION || status == DRIVEID_RANK || status == DRIVEID_FROZEN;
+    status_ = resting_ && status >= 0 ? DRIVEID_FROZEN : status;
+    if (!written) {
+        for (auto& p : parameters_) p.trusted = false;
+    } else {
         estimate_ = e;
         residual_alarm(e);
         driveid_param physical[DRIVEID_THETA_MAX];

@@ -97,6 +97,12 @@ void Drive::make_estimator(uint32_t present) {
     char reason[512] = "";
     driveid_status s = driveid_online_init(&online_, &model_, present, reason, sizeof reason);
     if (s != DRIVEID_OK) throw std::runtime_error(clean(reason, s));
+    for (const auto& c : config_.signals) {
+        driveid_signal signal;
+        driveid_signal_from_name(c.name.c_str(), &signal);
+        const driveid_hold hold = c.hold == "zoh" ? DRIVEID_HOLD_ZERO : c.hold == "average" ? DRIVEID_HOLD_AVERAGE : DRIVEID_HOLD_FIRST;
+        if (!c.hold.empty()) driveid_online_hold(&online_, signal, hold);  // a signal that the regression does not use has no hold
+    }
     if (online_.present & ~present) throw std::runtime_error("a signal that the structure needs is not configured");
     const driveid_real type = config_.type == "f32" ? DRIVEID_F32 : config_.type == "q31" ? DRIVEID_Q31 : DRIVEID_F64;
     const size_t size = driveid_estimator_size(config_.method.c_str(), type);
@@ -113,8 +119,7 @@ void Drive::make_estimator(uint32_t present) {
     parameters_.resize(online_.physical);
     for (size_t k = 0; k < parameters_.size(); ++k) {
         snprintf(parameters_[k].name, sizeof parameters_[k].name, "%s", online_.physical_name[k]);
-        const driveid_param* p = driveid_model_param(&online_.model, online_.physical_name[k]);
-        if (p) snprintf(parameters_[k].unit, sizeof parameters_[k].unit, "%s", p->unit);
+        snprintf(parameters_[k].unit, sizeof parameters_[k].unit, "%s", online_.physical_unit[k]);
     }
 }
 

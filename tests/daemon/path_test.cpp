@@ -1,0 +1,260 @@
+// SPDX-License-Identifier: Apache-2.0
+// From frame to sample to estimate inside one drive: right values, exact accounting, no allocation.
+#include <cmath>
+#include <cstdlib>
+#include <cstring>
+#include <new>
+
+#include <gtest/gtest.h>
+
+#include "control/describe.hpp"
+#include "drive/drive.hpp"
+
+using namespace gw;
+
+namespace {
+size_t g_allocations = 0;
+}
+
+void* operator new(size_t n) {
+    ++g_allocations;
+    if (void* p = malloc(n)) return p;
+    throw std::bad_alloc();
+}
+void* operator new[](size_t n) { return operator new(n); }
+void operator delete(void* p) noexcept { free(p); }
+void operator delete(void* p, size_t) noexcept { free(p); }
+void operator delete[](void* p) noexcept { free(p); }
+void operator delete[](void* p, size_t) noexcept { free(p); }
+
+namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+constexpr double kJ = 2e-4, kB = 1e-3, kKt = 0.05;
+
+struct Ear final : DriveListener {
+    void on_sample(int, const driveid_sample& s) override { last = s, ++samples; }
+    void on_report(int) override { ++reports; }
+    driveid_sample last{};
+    int samples = 0, reports = 0;
+};
+
+const char* const kConfig = R"(
+[[source]]
+name = "bus"
+kind = "socketcan"
+interface = "vcan0"
+[[drive]]
+name = "axis1"
+structure = "rigid_axis"
+given = { K_t_Nm_A = 0.05 }
+dt_s = 0.001
+%s
+  [[drive.signal]]
+  name = "i_q_A"
+  source = "bus"
+  can_id = 0x181
+  signed = true
+  scale = 0.001
+  hold = "zoh"
+  [[drive.signal]]
+  name = "theta_rad"
+  source = "bus"
+  can_id = 0x181
+  start_bit = 16
+  length = 32
+  counts_per_turn = 1000000
+  %s
+  [drive.counter]
+  source = "bus"
+  can_id = 0x181
+  start_bit = 48
+  length = 8
+)";
+
+// The axis under piecewise constant current, solved exactly: w' = (K_t i - B w) / J.
+struct Axis {
+    double theta = 0, omega = 0;
+    void step(double i_A, double dt) {
+        const double a = kB / kJ, end = kKt * i_A / kB, e = std::exp(-a * dt);
+        theta += end * dt + (omega - end) * (1 - e) / a;
+        omega = end + (omega - end) * e;
+    }
+};
+
+struct Rig {
+    explicit Rig(const char* drive_keys = "", const char* theta_keys = "") {
+        char text[2000];
+        snprintf(text, sizeof text, kConfig, drive_keys, theta_keys);
+        ConfigResult r = config_read_text(text, "x.toml");
+        EXPECT_TRUE(r.errors.empty()) << (r.errors.empty() ? "" : r.errors[0]);
+        config = r.config;
+        drive = std::make_unique<Drive>(config.drives[0], config, 0, ear);
+    }
+    // current held from this stamp to the next, angle at the stamp
+    Fate send(int64_t t_ns, double i_A, double theta, int len = 8) {
+        canfd_frame f{};
+        f.can_id = 0x181, f.len = uint8_t(len);
+        const int16_t i = int16_t(std::lround(i_A * 1000));
+        const uint32_t counts = uint32_t(int64_t(std::floor(theta / (2 * kPi) * 1e6)));
+        memcpy(f.data, &i, 2);
+        memcpy(f.data + 2, &counts, 4);
+        f.data[6] = counter++;
+        return drive->frame(0, f, false, {t_ns, 1000, DRIVEID_CLOCK_KERNEL});
+    }
+    void run(int n, double sign_of_period = 0.137) {
+        for (int k = 0; k < n; ++k, ++now) {
+            const double i = std::fmod(double(now) * 0.001, 2 * sign_of_period) < sign_of_period ? 2.0 : -1.5;
+            send(start + now * 1000000, i, axis.theta);
+            axis.step(i, 0.001);
+        }
+    }
+    Ear ear;
+    Config config;
+    std::unique_ptr<Drive> drive;
+    Axis axis;
+    uint8_t counter = 0;
+    int64_t start = 1000000000000, now = 0;
+};
+
+TEST(Path, IdentifiesTheAxis) {
+    Rig rig;
+    rig.run(8000);
+    const int64_t t = rig.drive->last_ns();
+    EXPECT_EQ(rig.drive->state(t), DriveState::valid);
+    ASSERT_EQ(rig.drive->parameters().size(), 2u);
+    for (const auto& p : rig.drive->parameters()) {
+        const double truth = std::string(p.name) == "J_kgm2" ? kJ : kB;
+        EXPECT_TRUE(rig.drive->valid(p, t)) << p.name;
+        EXPECT_NEAR(p.value, truth, 0.02 * truth) << p.name;  // quantised encoder, 8 s
+        EXPECT_LE(std::abs(p.value - truth), 1.5 * (p.hi - p.lo)) << p.name;
+    }
+    EXPECT_EQ(rig.ear.samples, 8000);
+    EXPECT_NEAR(rig.ear.reports, 80, 1);
+    EXPECT_NEAR(rig.drive->rate_Hz(), 1000, 1);
+    EXPECT_FALSE(rig.drive->valid(rig.drive->parameters()[0], t + 2000000000)) << "stale after stale_s of silence";
+    EXPECT_EQ(rig.drive->state(t + 2000000000), DriveState::stale);
+}
+
+TEST(Path, AllocatesNothingOnceStarted) {
+    Rig rig;
+    JsonOut json;
+    rig.run(200);
+    const size_t before = g_allocations;
+    for (int k = 0; k < 30; ++k) {
+        rig.run(100);
+        json.clear();
+        describe_estimate(json, *rig.drive, rig.drive->last_ns());
+        json.clear();
+        describe_sample(json, *rig.drive, rig.ear.last);
+    }
+    rig.drive->gap(0, 3);
+    rig.run(100);
+    EXPECT_EQ(g_allocations, before);
+}
+
+TEST(Path, ShortAndForeignFramesChangeNothing) {
+    Rig rig;
+    rig.run(100);
+    const int samples = rig.ear.samples;
+    EXPECT_EQ(rig.send(rig.start + rig.now * 1000000, 1, 0, 5), Fate::rejected) << "too short for the angle";
+    canfd_frame f{};
+    f.can_id = 0x182, f.len = 8;
+    EXPECT_EQ(rig.drive->frame(0, f, false, {rig.start + 1, 0, DRIVEID_CLOCK_KERNEL}), Fate::unused);
+    f.can_id = 0x181 | CAN_RTR_FLAG;
+    EXPECT_EQ(rig.drive->frame(0, f, false, {rig.start + 1, 0, DRIVEID_CLOCK_KERNEL}), Fate::rejected);
+    f.can_id = 0x181;
+    EXPECT_EQ(rig.drive->frame(0, f, true, {rig.start + 1, 0, DRIVEID_CLOCK_KERNEL}), Fate::unused) << "29 bits";
+    EXPECT_EQ(rig.drive->frame(1, f, false, {rig.start + 1, 0, DRIVEID_CLOCK_KERNEL}), Fate::unused) << "another bus";
+    EXPECT_EQ(rig.ear.samples, samples);
+    EXPECT_EQ(rig.drive->counters().rejected, 2u);
+}
+
+TEST(Path, TheCounterTellsLossRepetitionAndReorderingApart) {
+    Rig rig;
+    const auto send = [&](uint8_t counter, int64_t at) {
+        rig.counter = counter;
+        rig.send(rig.start + at * 1000000, 1, 0);
+    };
+    for (int k = 0; k < 300; ++k) send(uint8_t(k), k);  // wraps once
+    EXPECT_EQ(rig.drive->counters().dropped, 0u);
+    send(43, 300);                                       // last was 299 - 256 = 43: again
+    EXPECT_EQ(rig.drive->counters().duplicates, 1u);
+    send(47, 304);                                       // 44, 45, 46 are lost
+    EXPECT_EQ(rig.drive->counters().dropped, 3u);
+    send(45, 305);                                       // one of them comes late
+    EXPECT_EQ(rig.drive->counters().reordered, 1u);
+    EXPECT_EQ(rig.ear.samples, 301);
+}
+
+TEST(Path, AnEncoderResetIsAJumpNotAMove) {
+    Rig rig("", "max_rate = 5000");
+    rig.run(4000);
+    const double before = rig.ear.last.value[DRIVEID_SIGNAL_THETA_RAD];
+    rig.axis.theta = 0;
+    rig.run(1);
+    EXPECT_EQ(rig.ear.last.value[DRIVEID_SIGNAL_THETA_RAD], before);
+    EXPECT_EQ(rig.drive->counters().jumps, 1u);
+    EXPECT_GE(rig.drive->counters().gaps, 1u);
+    rig.run(4000);
+    for (const auto& p : rig.drive->parameters()) {
+        const double truth = std::string(p.name) == "J_kgm2" ? kJ : kB;
+        EXPECT_TRUE(!rig.drive->valid(p, rig.drive->last_ns()) || std::abs(p.value - truth) < 0.05 * truth) << p.name << " " << p.value;
+    }
+}
+
+TEST(Path, KernelDropsAreAGap) {
+    Rig rig;
+    rig.run(100);
+    rig.drive->gap(0, 7);
+    EXPECT_EQ(rig.drive->counters().dropped, 7u);
+    EXPECT_EQ(rig.drive->counters().gaps, 1u);
+    rig.drive->gap(1, 7);
+    EXPECT_EQ(rig.drive->counters().gaps, 1u) << "of a source that it does not use";
+}
+
+TEST(Path, StampsAnHourAheadDoNotDeafenIt) {
+    Rig rig;
+    rig.run(3000);
+    const int64_t back = rig.start;
+    rig.start += 3600 * INT64_C(1000000000);
+    rig.run(1);
+    rig.start = back;
+    rig.run(6000);
+    EXPECT_EQ(rig.drive->state(rig.drive->last_ns()), DriveState::valid);
+    EXPECT_LT(std::abs(rig.drive->last_ns() - (rig.start + rig.now * 1000000)), 2000000);
+}
+
+TEST(Path, SyncFrameIsTheInstant) {
+    Rig rig("instant_can_id = 0x80");
+    canfd_frame sync{};
+    sync.can_id = 0x80;
+    for (int k = 0; k < 10; ++k) {
+        const int64_t t = rig.start + k * 1000000;
+        EXPECT_EQ(rig.drive->frame(0, sync, false, {t, 0, DRIVEID_CLOCK_KERNEL}), Fate::used);
+        rig.send(t + 300000 + k * 17000, 0, 0);
+        EXPECT_EQ(rig.ear.last.stamp.t_ns, t);
+    }
+    EXPECT_LT(rig.drive->jitter_ns(), 1);
+}
+
+TEST(Path, ASnapshotGoesOnBitForBit) {
+    Rig a;
+    a.run(3000);
+    Ear ear;
+    Drive copy(a.config.drives[0], a.config, 0, ear);
+    ASSERT_TRUE(copy.same_model(*a.drive));
+    copy.take(*a.drive);
+    Rig b;  // the same frames again, to feed the copy with
+    b.run(3000);
+    b.drive = std::make_unique<Drive>(a.config.drives[0], a.config, 0, ear);
+    b.drive->take(copy);
+    a.run(2000);
+    b.run(2000);
+    for (size_t k = 0; k < a.drive->parameters().size(); ++k) {
+        EXPECT_EQ(a.drive->parameters()[k].value, b.drive->parameters()[k].value);
+        EXPECT_EQ(a.drive->parameters()[k].lo, b.drive->parameters()[k].lo);
+    }
+}
+
+}  // namespace
