@@ -14,16 +14,6 @@ namespace driveid::diagnose {
 
 using nlohmann::ordered_json;
 
-ordered_json notices_json(const std::vector<Notice> &notices) {
-  ordered_json out = ordered_json::array();
-  for (const Notice &n : notices) {
-    ordered_json j = {{"kind", n.kind}, {"text", n.text}};
-    if (!n.record.empty()) j["record"] = n.record;
-    out.push_back(j);
-  }
-  return out;
-}
-
 ordered_json parameters_json(const std::vector<Value> &parameters) {
   ordered_json out = ordered_json::object();
   for (const Value &v : parameters) out[v.name] = {{"value", v.value}, {"interval", {v.lo, v.hi}}, {"unit", v.unit}};
