@@ -339,7 +339,7 @@ def regimes_of(where: Any) -> list[Regime]:
         if not isinstance(item, dict) or _number(item.get("share")) is None:
             continue
         lo, hi = _pair(item.get("range")) or (None, None)
-        out.append(Regime(str(item.get("axis") or ""), str(item.get("regime") or ""), float(item["share"]), _number(item.get("rows")), bool(item.get("significant", True)), lo, hi))
+        out.append(Regime(str(item.get("axis") or ""), str(item.get("regime") or "").replace("^2", "²"), float(item["share"]), _number(item.get("rows")), bool(item.get("significant", True)), lo, hi))
     return sorted(out, key=lambda r: (not r.significant, -r.share))
 
 

@@ -7,6 +7,21 @@ import { scaleOf } from "./units.js";
 
 const FONT = "11px system-ui, 'Segoe UI', Roboto, 'DejaVu Sans', sans-serif";
 
+/** Least and greatest value of what is in view; missing values (NaN) do not count. */
+function extent(data, [begin, end]) {
+  const t = data[0];
+  let lo = Infinity, hi = -Infinity;
+  for (let s = 1; s < data.length; s++) {
+    const a = data[s];
+    for (let k = 0; k < t.length; k++) {
+      if (t[k] < begin || t[k] > end) continue;
+      if (a[k] < lo) lo = a[k];
+      if (a[k] > hi) hi = a[k];
+    }
+  }
+  return [lo, hi];
+}
+
 /** Fewest decimals that write a step without rounding it. */
 export function decimals(step) {
   for (let d = 0; d < 9; d++) if (Math.abs(step * 10 ** d - Math.round(step * 10 ** d)) < 1e-6 * Math.max(1, step * 10 ** d)) return d;
@@ -46,7 +61,7 @@ export class TimePlot {
     this.plot = new uPlot({
       width: Math.max(place.clientWidth, 80), height: options.height, legend: { show: false }, ms: 1e-3,
       cursor: { drag: { x: Boolean(options.onZoom), y: false, setScale: true, dist: 5 }, sync: options.sync ? { key: options.sync, scales: ["x", null] } : undefined, points: { size: 5 }, x: true, y: false },
-      scales: { x: { time: false, range: () => this.span }, y: { range: (u, lo, hi) => this.range(lo, hi) } },
+      scales: { x: { time: false, range: () => this.span }, y: { range: (u) => this.range(...extent(u.data, this.span)) } },
       padding: [6, 12, 0, 0],
       axes: [options.timeAxis === false ? { ...axis("", "", 6, 2), values: (u, splits) => splits.map(() => "") } : axis("time", "s", 18, 2), axis(options.title, options.unit, 46, 3)],
       series: [{}, ...lines],
