@@ -105,6 +105,7 @@ ordered_json where_json(const Explanation &x) {
       if (out.size() >= 40) break;
       out.push_back({{"equation", a.search->equation().signal}, {"axis", r.axis}, {"regime", r.text}, {"share", r.share}, {"rows", r.rows},
                      {"statistic", r.statistic}, {"bound", r.bound}, {"significant", r.significant}});
+      if (r.lo < r.hi) out.back()["range"] = {r.lo, r.hi};   // on the axis (of the absolute value for speed, acceleration, current, drive)
     }
   }
   return out;
