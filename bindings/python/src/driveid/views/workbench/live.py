@@ -15,6 +15,7 @@ from ..feed import Feed, NotConnected
 from ..gateway import STATES, Gateway, bus_rows, lamp
 from .wire import pack
 
+LINGER_S = 5.0
 PERIOD_S = 0.04  # 25 pictures a second at most; the browser's word after each picture paces it
 
 
@@ -46,38 +47,52 @@ def rates(drive: dict) -> str:
 
 
 class Live:
-    """One connection to the gateway, shared by all live pages; opened when the first page looks and kept."""
+    """One connection to the gateway, shared by all live pages; open while a page looks (an idle workbench costs nothing)."""
 
     def __init__(self, socket: str) -> None:
         self.gateway = Gateway()
         self.feed = Feed(socket, self.gateway, ("estimate", "sample", "event", "status"))
         self._task: asyncio.Task | None = None
+        self._lookers = 0
+        self._leaving: set[asyncio.Task] = set()
 
-    def ensure(self) -> None:
+    def _look(self) -> None:
+        self._lookers += 1
         if self._task is None or self._task.done():
             self._task = asyncio.create_task(self.feed.run())
 
+    async def _leave(self) -> None:
+        """The last page keeps the connection some seconds, so that a reload does not lose the history."""
+        self._lookers -= 1
+        await asyncio.sleep(LINGER_S)
+        if self._lookers == 0:
+            await self.stop()
+
     async def stop(self) -> None:
-        if self._task:
-            self._task.cancel()
+        task, self._task = self._task, None
+        if task:
+            task.cancel()
             with contextlib.suppress(asyncio.CancelledError):
-                await self._task
+                await task
+        self.gateway.connected, self.gateway.connections = False, 0
 
     async def serve(self, socket: WebSocket) -> None:
         await socket.accept()
-        self.ensure()
+        self._look()
         drawn = asyncio.Event()
         drawn.set()
         wish: dict = {"drive": socket.query_params.get("drive", ""), "sent": -1}
         listening = asyncio.create_task(self._listen(socket, drawn, wish))
         try:
             await self._push(socket, drawn, wish)
-        except (WebSocketDisconnect, RuntimeError):
+        except (WebSocketDisconnect, RuntimeError, TimeoutError):
             pass
         finally:
             listening.cancel()
-            with contextlib.suppress(asyncio.CancelledError, WebSocketDisconnect, RuntimeError):
+            with contextlib.suppress(asyncio.CancelledError, WebSocketDisconnect, RuntimeError, ValueError):
                 await listening
+            self._leaving.add(task := asyncio.create_task(self._leave()))
+            task.add_done_callback(self._leaving.discard)
 
     async def _push(self, socket: WebSocket, drawn: asyncio.Event, wish: dict) -> None:
         words_at = 0.0
