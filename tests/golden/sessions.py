@@ -13,6 +13,7 @@ import sys
 import tempfile
 from pathlib import Path
 
+import cantools
 import tomlkit
 
 import drec
@@ -79,6 +80,44 @@ def trajectory(record):
             rows.append({"t_s": round(t_s, 6), "state": estimate["state"],
                          "parameters": {p["name"]: [p["value"], *(p["interval"] or [None, None]), p["valid"]] for p in estimate["parameters"]}})
     return rows
+
+
+def decoded(folder):
+    """{signal: [values in the order of the frames]} by cantools."""
+    database, out = cantools.database.load_file(folder / "frames.dbc"), {}
+    for identifier, data in frames(folder):
+        for signal, value in database.decode_message(identifier, data).items():
+            out.setdefault(signal, []).append(value)
+    return out
+
+
+def frames(folder):
+    """(identifier, data) of every frame of the log."""
+    for line in (folder / "frames.log").read_text().splitlines():
+        identifier, data = line.split()[2].split("#", 1)
+        yield int(identifier, 16), bytes.fromhex(data[2:] if data.startswith("#") else data)  # FD: one flag digit after a second '#'
+
+
+def same(a, b):
+    """A scale is applied by one multiplication here and there: the last few bits may differ."""
+    return abs(a - b) <= 4e-15 * max(abs(a), abs(b), 1e-6)
+
+
+def disagreement(record, folder, lost=0.0):
+    """Sentence about the first signal whose decoded values are not, in order, those of cantools, or None. lost: share that may be missing."""
+    expected, got = decoded(folder), list(drec.samples(record))
+    used = set().union(*(values for _, values in got)) if got else set()
+    if not used:
+        return "no samples"
+    for signal in sorted(used):
+        mine, theirs = [values[signal] for _, values in got if signal in values], expected[signal]
+        if len(mine) < (1 - lost) * len(theirs):
+            return f"{signal}: {len(mine)} values, {len(theirs)} were sent"
+        rest = iter(theirs)
+        for k, value in enumerate(mine):
+            if not any(same(value, other) for other in rest):
+                return f"{signal}: value {k}, {value}, was not sent, or not in this order"
+    return None
 
 
 def accept():

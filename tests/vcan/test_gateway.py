@@ -2,6 +2,7 @@
 """driveidd on real CAN sockets: parameters within truth, recorded frames, counters exact, faults survived."""
 import json
 import os
+import re
 import signal
 import subprocess
 import time
@@ -70,22 +71,21 @@ def test_parameters_arrive_within_the_truth(gateway, options):
 
 @pytest.mark.parametrize("name", sessions.names())
 def test_recorded_frames_give_the_accepted_parameters(gateway, name):
-    """canplayer keeps the recorded pace only roughly: where the accepted trajectory ends valid, this one ends within its interval."""
-    folder = sessions.HERE / name
-    sessions.write_config(folder, "socketcan", gateway.folder / "driveidd.toml", socket=gateway.folder / "c.sock")
-    frames = sum(1 for _ in (folder / "frames.log").open())
-    accepted = json.loads((folder / "expected-f64.json").read_text())[-1]
+    """Every frame arrives and is decoded as cantools decodes it. Stamps are taken here, as late as this machine is, so that values are judged by J
+    alone, and two frames of a burst may count as one sample; the trajectory of the same frames under their own stamps is judged in tests/golden."""
+    folder, record = sessions.HERE / name, gateway.folder / "here.drec"
+    sessions.write_config(folder, "socketcan", gateway.folder / "driveidd.toml", socket=gateway.folder / "c.sock", record=record)
+    wanted = {int(i, 0) for i in re.findall(r"can_id = (\w+)", (gateway.folder / "driveidd.toml").read_text())}
+    frames = sum(identifier in wanted for identifier, _ in sessions.frames(folder))
+    value, lo, hi, _ = json.loads((folder / "expected-f64.json").read_text())[-1]["parameters"]["J_kgm2"]
     gateway.listen()
     subprocess.run(["canplayer", "-I", folder / "frames.log"], check=True, timeout=60)
-    status = gateway.status()
-    assert bus(status)["frames"] == frames
-    shown = {p["name"]: p for p in axis(status)["parameters"]}
-    assert list(shown) == list(accepted["parameters"])
-    for parameter, (value, lo, hi, valid) in accepted["parameters"].items():
-        assert shown[parameter]["valid"] == valid, parameter
-        if valid:
-            mine = shown[parameter]["interval"]
-            assert abs(shown[parameter]["value"] - value) <= max(hi - lo, mine[1] - mine[0]), parameter
+    status = gateway.until(lambda s: bus(s)["frames"] >= frames, 5, "the last frame")
+    assert bus(status)["frames"] == bus(status)["used"] == frames
+    J = next(p for p in axis(status)["parameters"] if p["name"] == "J_kgm2")
+    assert abs(J["value"] - value) <= max(0.2 * value, hi - lo), f"{J}, accepted {value}"  # stamps are late by up to ten periods where the machine is busy
+    gateway.programs.stop_all()
+    assert sessions.disagreement(record, folder, lost=0.02) is None
 
 
 def test_every_dropped_frame_is_counted(gateway):
