@@ -18,8 +18,8 @@ def undetectable(truth):
     return min(truth["train"]["significance"], truth["held_out"]["significance"]) < SIGNIFICANT_T
 
 
-def judge(case, truth, answer, tie_is_real=None):
-    """Result of a case as a dict of plain values. tie_is_real(names) -> bool fits the members on held-out data; None: taken on trust and said so."""
+def judge(case, truth, answer, tie_is_real):
+    """Result of a case as a dict of plain values. tie_is_real(names) -> bool fits the members on held-out data; asked only where it decides."""
     accepted = names_of(answer)
     verdict = answer.get("verdict", "none")
     first = accepted[0] if accepted else []
@@ -38,7 +38,7 @@ def judge(case, truth, answer, tie_is_real=None):
         if first and first[0] == hidden[0]:
             out["right"] = True
         elif hidden[0] in first:
-            real = True if tie_is_real is None else tie_is_real(first)
+            real = tie_is_real(first)
             out["right"], out["tie"], out["tie_real"] = real, True, real
         elif not accepted and verdict == "nothing_missing" and not out["detectable"]:
             out["excused"] = True

@@ -96,7 +96,7 @@ class Bench:
 
 
 def run_case(case, deep=False, keep=None):
-    """Everything that is known about a case afterwards, as one JSON object. deep: fit the true model too and compare with it."""
+    """Everything that is known about a case afterwards, as one JSON object. deep: fit the true model too, wherever an effect was answered."""
     out = {"case": case.name, **case.as_dict()}
     with Bench(case, keep) as bench:
         bench.make()
@@ -105,9 +105,8 @@ def run_case(case, deep=False, keep=None):
                    dirt=bench.truth["dirt"], rate_Hz=bench.truth["rate_Hz"], known=bench.known["effects_known"])
         try:
             answer = bench.explain()
-            out["seconds"] = round(bench.seconds, 2)
-            real = (lambda names: tie_is_real(bench, case, names)) if deep else None
-            out.update(judge.judge(case.as_dict(), bench.truth, answer, real))
+            out["seconds"] = round(bench.seconds, 2)  # of model, fit and explain; ties are checked after
+            out.update(judge.judge(case.as_dict(), bench.truth, answer, lambda names: tie_is_real(bench, case, names)))
             bench.truth["measures_torque"] = not any(k.startswith("K_") for k in bench.known["given"]) and has_torque(bench)
             out["coverage"] = judge.coverage(case.as_dict(), bench.truth, answer, bench.known["given"])
             out["ranked"] = [{k: e.get(k) for k in ("effect", "accepted", "share", "confidence", "not_told_apart_from")} for e in answer.get("ranked", [])[:4]]

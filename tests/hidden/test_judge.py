@@ -21,14 +21,18 @@ def entry(effect, accepted=True, ties=(), **parameters):
     return {"effect": effect, "accepted": accepted, "not_told_apart_from": list(ties), "parameters": parameters}
 
 
+def never(names):
+    raise AssertionError("no tie to check here")
+
+
 def case(group="single", effects=("coulomb",)):
     return {"group": group, "effects": effects, "structure": "rigid_axis"}
 
 
 def test_right_wrong_and_tie():
-    assert judge.judge(case(), truth(), {"verdict": "missing", "ranked": [entry("coulomb")]})["right"]
-    assert not judge.judge(case(), truth(), {"verdict": "missing", "ranked": [entry("stribeck"), entry("coulomb")]})["right"]
-    assert not judge.judge(case(), truth(), {"verdict": "missing", "ranked": [entry("coulomb", accepted=False)]})["right"]
+    assert judge.judge(case(), truth(), {"verdict": "missing", "ranked": [entry("coulomb")]}, never)["right"]
+    assert not judge.judge(case(), truth(), {"verdict": "missing", "ranked": [entry("stribeck"), entry("coulomb")]}, never)["right"]
+    assert not judge.judge(case(), truth(), {"verdict": "missing", "ranked": [entry("coulomb", accepted=False)]}, never)["right"]
     tied = {"verdict": "cannot_tell", "ranked": [entry("stribeck", ties=["coulomb"])]}
     assert judge.judge(case(), truth(), tied, lambda names: True)["right"]
     false_tie = judge.judge(case(), truth(), tied, lambda names: False)
@@ -37,19 +41,19 @@ def test_right_wrong_and_tie():
 
 def test_silence_is_excused_only_where_the_truth_is_not_significant():
     silent = {"verdict": "nothing_missing", "ranked": []}
-    assert judge.judge(case(), truth(1.0), silent).get("excused")
-    assert not judge.judge(case(), truth(5.0), silent).get("excused")
-    assert not judge.judge(case(), truth(1.0), {"verdict": "unknown", "ranked": []}).get("excused")
+    assert judge.judge(case(), truth(1.0), silent, never).get("excused")
+    assert not judge.judge(case(), truth(5.0), silent, never).get("excused")
+    assert not judge.judge(case(), truth(1.0), {"verdict": "unknown", "ranked": []}, never).get("excused")
 
 
 def test_none_outside_and_pairs():
-    assert judge.judge(case("none", ()), truth(), {"verdict": "nothing_missing", "ranked": [entry("coulomb", accepted=False)]})["right"]
-    assert not judge.judge(case("none", ()), truth(), {"verdict": "missing", "ranked": [entry("coulomb")]})["right"]
-    assert judge.judge(case("outside", ("end_stop",)), truth(), {"verdict": "unknown", "ranked": []})["right"]
-    assert not judge.judge(case("outside", ("end_stop",)), truth(), {"verdict": "missing", "ranked": [entry("cogging")]})["right"]
+    assert judge.judge(case("none", ()), truth(), {"verdict": "nothing_missing", "ranked": [entry("coulomb", accepted=False)]}, never)["right"]
+    assert not judge.judge(case("none", ()), truth(), {"verdict": "missing", "ranked": [entry("coulomb")]}, never)["right"]
+    assert judge.judge(case("outside", ("end_stop",)), truth(), {"verdict": "unknown", "ranked": []}, never)["right"]
+    assert not judge.judge(case("outside", ("end_stop",)), truth(), {"verdict": "missing", "ranked": [entry("cogging")]}, never)["right"]
     two = {"verdict": "missing", "ranked": [entry("cogging"), entry("coulomb")]}
-    assert judge.judge(case("pair", ("coulomb", "cogging")), truth(), two)["right"]
-    assert not judge.judge(case("pair", ("coulomb", "delay")), truth(), two)["right"]
+    assert judge.judge(case("pair", ("coulomb", "cogging")), truth(), two, never)["right"]
+    assert not judge.judge(case("pair", ("coulomb", "delay")), truth(), two, never)["right"]
 
 
 def test_coverage_knows_frames_and_given_constants():
