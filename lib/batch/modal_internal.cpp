@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "batch/modal_internal.hpp"
 
-#include <Eigen/Dense>
-#include <unsupported/Eigen/MatrixFunctions>
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+#include <Eigen/QR>
+#include <Eigen/SVD>
 
 #include <algorithm>
+#include <cmath>
 
 namespace driveid::modal {
 
@@ -43,7 +46,23 @@ MatrixXd companion(std::size_t order, const double *a) {
     return A;
 }
 
-MatrixXd exponential(const MatrixXd &A, double t_s) { return (A * t_s).exp(); }
+// Scaling and squaring with the (8, 8) Pade form, exact to rounding for norms below one half.
+MatrixXd exponential(const MatrixXd &A, double t_s) {
+    const double norm = A.cwiseAbs().rowwise().sum().maxCoeff() * std::abs(t_s);
+    const int squarings = norm > 0.5 ? static_cast<int>(std::ceil(std::log2(norm / 0.5))) : 0;
+    const MatrixXd X = A * (t_s / std::pow(2.0, squarings));
+    MatrixXd power = MatrixXd::Identity(A.rows(), A.cols()), N = power, D = power;
+    double c = 1;
+    for (int k = 1; k <= 8; k++) {
+        c *= (8.0 - k + 1) / (k * (16.0 - k + 1));
+        power = (power * X).eval();
+        N += c * power;
+        D += (k % 2 ? -c : c) * power;
+    }
+    MatrixXd out = inverse(D) * N;
+    for (int k = 0; k < squarings; k++) out = (out * out).eval();
+    return out;
+}
 
 // Inverse scaling and squaring: square roots by the product form of Denman and Beavers until A is near the identity, then
 // log A = 2 artanh((A - I)(A + I)^-1). Eigen's own logarithm costs the compiler a minute.
@@ -71,17 +90,17 @@ MatrixXd logarithm(const MatrixXd &A) {
 
 Eigen::VectorXcd eigenvalues(const MatrixXd &A) { return Eigen::EigenSolver<MatrixXd>(A, false).eigenvalues(); }
 
-VectorXd singular_values(const MatrixXd &A) { return Eigen::JacobiSVD<MatrixXd>(A).singularValues(); }
+using SquareSvd = Eigen::JacobiSVD<MatrixXd, Eigen::NoQRPreconditioner>;
 
-VectorXd last_right_singular_vector(const MatrixXd &A) {
-    return Eigen::JacobiSVD<MatrixXd>(A, Eigen::ComputeFullV).matrixV().rightCols(1);
-}
+VectorXd singular_values(const MatrixXd &A) { return SquareSvd(triangle(A), Eigen::ComputeFullV).singularValues(); }
+
+VectorXd last_right_singular_vector(const MatrixXd &A) { return SquareSvd(triangle(A), Eigen::ComputeFullV).matrixV().rightCols(1); }
 
 MatrixXd orthonormal_columns(const MatrixXd &A) { return A.householderQr().householderQ() * MatrixXd::Identity(A.rows(), A.cols()); }
 
 MatrixXd triangle(const MatrixXd &A) { return A.householderQr().matrixQR().topRows(A.cols()).triangularView<Eigen::Upper>(); }
 
-MatrixXd inverse(const MatrixXd &A) { return A.fullPivLu().inverse(); }
+MatrixXd inverse(const MatrixXd &A) { return A.partialPivLu().inverse(); }
 
 VectorXd characteristic(const MatrixXd &A) {
     const Eigen::Index n = A.rows();
