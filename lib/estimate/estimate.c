@@ -10,7 +10,7 @@
 struct driveid_estimator {
     uint32_t type;
     union {
-        driveid_fsm_common common; /* first member of both */
+        driveid_svf_common common; /* first member of both */
         fsm_f64 f64;
         fsm_f32 f32;
     } fsm;
@@ -39,19 +39,19 @@ driveid_status driveid_estimator_configure(driveid_estimator *self, size_t size,
     if (!needed) return refuse(reason, reason_size, "this method does not exist in this number type: take \"fsm\" with f64 or f32", DRIVEID_ERR_CONFIG);
     if (size < needed) return refuse(reason, reason_size, "storage is smaller than driveid_estimator_size()", DRIVEID_ERR_CAPACITY);
     self->type = (uint32_t)type;
-    return type == DRIVEID_F64 ? driveid_fsm_configure_f64(&self->fsm.f64, regression, options, reason, reason_size)
-                               : driveid_fsm_configure_f32(&self->fsm.f32, regression, options, reason, reason_size);
+    return type == DRIVEID_F64 ? driveid_svf_configure_f64(&self->fsm.f64, regression, options, reason, reason_size)
+                               : driveid_svf_configure_f32(&self->fsm.f32, regression, options, reason, reason_size);
 }
 
 driveid_status driveid_estimator_update(driveid_estimator *self, int64_t t_ns, const double *channel) {
     if (!self || !channel) return DRIVEID_ERR_ARGUMENT;
-    return self->type == DRIVEID_F64 ? driveid_fsm_update_f64(&self->fsm.f64, t_ns, channel)
-                                     : driveid_fsm_update_f32(&self->fsm.f32, t_ns, channel);
+    return self->type == DRIVEID_F64 ? driveid_svf_update_f64(&self->fsm.f64, t_ns, channel)
+                                     : driveid_svf_update_f32(&self->fsm.f32, t_ns, channel);
 }
 
 driveid_status driveid_estimator_estimate(const driveid_estimator *self, driveid_estimate *out) {
     if (!self || !out) return DRIVEID_ERR_ARGUMENT;
-    const driveid_fsm_common *common = &self->fsm.common;
+    const driveid_svf_common *common = &self->fsm.common;
     const int have = common->status == DRIVEID_OK || common->status == DRIVEID_WEAK_EXCITATION || common->status == DRIVEID_RANK;
     if (have) *out = common->answer;
     return have && common->resting ? DRIVEID_FROZEN : common->status;
@@ -59,6 +59,6 @@ driveid_status driveid_estimator_estimate(const driveid_estimator *self, driveid
 
 void driveid_estimator_restart(driveid_estimator *self) {
     if (!self) return;
-    if (self->type == DRIVEID_F64) driveid_fsm_restart_f64(&self->fsm.f64);
-    else driveid_fsm_restart_f32(&self->fsm.f32);
+    if (self->type == DRIVEID_F64) driveid_svf_restart_f64(&self->fsm.f64);
+    else driveid_svf_restart_f32(&self->fsm.f32);
 }

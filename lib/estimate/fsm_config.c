@@ -37,7 +37,7 @@ static const char *fault_in(const driveid_regression *r) {
     return NULL;
 }
 
-static void split(driveid_fsm_common *common, uint8_t *level) {
+static void split(driveid_svf_common *common, uint8_t *level) {
     const driveid_regression *r = &common->regression;
     unsigned highest = 0;
     for (unsigned c = 0; c < r->channels; c++) level[c] = 0;
@@ -59,15 +59,16 @@ static void split(driveid_fsm_common *common, uint8_t *level) {
     common->sections = (uint8_t)(highest + 2);
 }
 
-static void resolve(driveid_estimator_options *o, double suggested_rad_s) {
+static void resolve(driveid_estimator_options *o, const driveid_regression *regression) {
+    const double suggested_rad_s = regression->bandwidth_rad_s;
     if (o->bandwidth_rad_s == 0) o->bandwidth_rad_s = fmin(suggested_rad_s > 0 ? suggested_rad_s : 200, 0.25 / o->dt_s);
-    if (o->model_error == 0) o->model_error = 5e-4;
+    if (o->model_error == 0) o->model_error = regression->model_error;
     if (o->model_error < 0) o->model_error = 0;
     if (o->forgetting_s == 0) o->forgetting_s = 10;
     if (o->gap_s == 0) o->gap_s = 5 * o->dt_s;
 }
 
-driveid_status fsm_configure_common(driveid_fsm_common *common, const driveid_regression *regression,
+driveid_status fsm_configure_common(driveid_svf_common *common, const driveid_regression *regression,
                                     const driveid_estimator_options *options, uint8_t *level, char *reason, size_t reason_size) {
     const char *fault = fault_in(regression);
     if (fault) return refuse(reason, reason_size, fault);
@@ -76,7 +77,7 @@ driveid_status fsm_configure_common(driveid_fsm_common *common, const driveid_re
         return refuse(reason, reason_size, "bandwidth_rad_s, forgetting_s and gap_s must not be negative");
     common->regression = *regression;
     common->options = *options;
-    resolve(&common->options, regression->bandwidth_rad_s);
+    resolve(&common->options, regression);
     const driveid_estimator_options *o = &common->options;
     if (o->bandwidth_rad_s * o->dt_s > 1) return refuse(reason, reason_size, "bandwidth_rad_s is above 1/dt_s: take a lower one or sample faster");
     split(common, level);

@@ -9,7 +9,7 @@
 uint32_t fsm_block_size(unsigned columns);
 
 /* Checks, resolves defaults, splits the terms by equation; level[channels] says where a channel's own value counts. */
-driveid_status fsm_configure_common(driveid_fsm_common *common, const driveid_regression *regression,
+driveid_status fsm_configure_common(driveid_svf_common *common, const driveid_regression *regression,
                                     const driveid_estimator_options *options, uint8_t *level, char *reason, size_t reason_size);
 
 #endif

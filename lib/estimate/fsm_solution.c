@@ -56,7 +56,7 @@ static double quadratic(const fsm_equation *q, const double *g, const double *th
 }
 
 /* Normal equations of all equations, each weighted by its residual variance; h[params^2] keeps the inverse. */
-static int least_squares(const driveid_fsm_common *common, const fsm_sums *sums, const double *variance, double small,
+static int least_squares(const driveid_svf_common *common, const fsm_sums *sums, const double *variance, double small,
                          double *h, fsm_solution *out) {
     const int p = common->regression.params;
     double normal[DRIVEID_THETA_MAX * DRIVEID_THETA_MAX] = {0}, right[DRIVEID_THETA_MAX] = {0};
@@ -96,7 +96,7 @@ static int lags_needed(const double *r, double rows) {
 /* Long-run covariance of one equation's score, into score[params^2] (theta order): sum of r(lag) Gamma(lag), Parzen window.
  * What the fit takes out of the residual it takes out near the regressors' own frequencies, so the window's band, not the whole record,
  * pays for the unknowns. Returns the degrees of freedom left. */
-static double add_score(const driveid_fsm_common *common, const fsm_sums *sums, int e, int *settled, double variance, const double *theta, double *score) {
+static double add_score(const driveid_svf_common *common, const fsm_sums *sums, int e, int *settled, double variance, const double *theta, double *score) {
     const fsm_equation *q = &common->equation[e];
     const int p = common->regression.params, n = q->params + 1;
     const double coarse = sums->coarse, rows = sums->rows;
@@ -136,7 +136,7 @@ static void sandwich(int p, const double *h, const double *score, double *cov) {
 }
 
 /* How much of its equation each parameter's term carries. */
-static void shares(const driveid_fsm_common *common, const fsm_sums *sums, fsm_solution *out) {
+static void shares(const driveid_svf_common *common, const fsm_sums *sums, fsm_solution *out) {
     for (int e = 0; e < common->regression.equations; e++) {
         const fsm_equation *q = &common->equation[e];
         const int n = q->params + 1;
@@ -149,7 +149,7 @@ static void shares(const driveid_fsm_common *common, const fsm_sums *sums, fsm_s
 
 /* Noise of the differentiated channel reaches the residual as |A(jw)|^2 / (w^2 + pole^2)^n. Where that rises towards low frequency the lags
  * kept here are too short to see it and the interval would be too narrow: such a stage is left out. */
-static int noise_rises(const driveid_fsm_common *common, int e, double pole_rad_s, const double *theta) {
+static int noise_rises(const driveid_svf_common *common, int e, double pole_rad_s, const double *theta) {
     const driveid_regression *r = &common->regression;
     const int order = common->equation[e].order;
     double a[DRIVEID_ORDER_MAX + 1] = {0};
@@ -174,7 +174,7 @@ static int noise_rises(const driveid_fsm_common *common, int e, double pole_rad_
     return 0;
 }
 
-double fsm_score(const driveid_fsm_common *common, int e, const fsm_sums *sums, double small, const double *theta) {
+double fsm_score(const driveid_svf_common *common, int e, const fsm_sums *sums, double small, const double *theta) {
     const fsm_equation *q = &common->equation[e];
     const int p = common->regression.params, n = q->params + 1;
     double own[DRIVEID_THETA_MAX], a[DRIVEID_THETA_MAX * DRIVEID_THETA_MAX] = {0}, inverse[DRIVEID_THETA_MAX * DRIVEID_THETA_MAX];
@@ -203,7 +203,7 @@ double fsm_score(const driveid_fsm_common *common, int e, const fsm_sums *sums, 
     return total;
 }
 
-int fsm_solve(const driveid_fsm_common *common, const fsm_sums *sums, double small, fsm_solution *out) {
+int fsm_solve(const driveid_svf_common *common, const fsm_sums *sums, double small, fsm_solution *out) {
     const int p = common->regression.params, equations = common->regression.equations;
     double variance[DRIVEID_EQUATIONS_MAX] = {0}, h[DRIVEID_THETA_MAX * DRIVEID_THETA_MAX], score[DRIVEID_THETA_MAX * DRIVEID_THETA_MAX] = {0};
     int settled;
@@ -241,13 +241,13 @@ static double student(double freedom) {
 
 /* A parameter is weak where its interval says nothing: wider than half its value, and, for one that may be zero,
  * also wider than a tenth of what drives its equation. */
-static int is_weak(const driveid_fsm_common *common, const fsm_solution *s, int i, double half) {
+static int is_weak(const driveid_svf_common *common, const fsm_solution *s, int i, double half) {
     if (!(s->pivot[i] > 0) || !(half > 0) || !isfinite(half)) return s->pivot[i] > 0 && half == 0 ? 0 : 1;
     if (half <= 0.5 * fabs(s->theta[i])) return 0;
     return !(common->regression.may_be_zero >> i & 1) || half * s->share[i] > 0.1;
 }
 
-void fsm_publish(driveid_fsm_common *common, int found, const fsm_solution *best, int64_t t_ns) {
+void fsm_publish(driveid_svf_common *common, int found, const fsm_solution *best, int64_t t_ns) {
     driveid_estimate *a = &common->answer;
     const int p = common->regression.params;
     if (!found) {

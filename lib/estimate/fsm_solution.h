@@ -31,12 +31,12 @@ void fsm_pack(const fsm_equation *equation, const double *full, double *packed);
 
 /* Size of the interval that this stage would give to its equation's parameters, logarithm; INFINITY where the stage cannot be judged:
  * too few rows, or a residual that stays correlated beyond the lags. theta: the current answer, NULL where there is none. */
-double fsm_score(const driveid_fsm_common *common, int equation, const fsm_sums *sums, double small, const double *theta);
+double fsm_score(const driveid_svf_common *common, int equation, const fsm_sums *sums, double small, const double *theta);
 
 /* sums[equations]: the chosen stage of each. 1 where there is a solution, 0 where there are too few rows. */
-int fsm_solve(const driveid_fsm_common *common, const fsm_sums *sums, double small, fsm_solution *out);
+int fsm_solve(const driveid_svf_common *common, const fsm_sums *sums, double small, fsm_solution *out);
 
 /* Verdict and answer (found = 0: none). */
-void fsm_publish(driveid_fsm_common *common, int found, const fsm_solution *best, int64_t t_ns);
+void fsm_publish(driveid_svf_common *common, int found, const fsm_solution *best, int64_t t_ns);
 
 #endif

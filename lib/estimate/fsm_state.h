@@ -35,7 +35,7 @@ typedef struct fsm_equation {
     uint8_t place[DRIVEID_THETA_MAX];        /* column of each theta index */
 } fsm_equation;
 
-typedef struct driveid_fsm_common {
+typedef struct driveid_svf_common {
     driveid_regression regression;
     driveid_estimator_options options;       /* resolved: nothing zero */
     fsm_equation equation[DRIVEID_EQUATIONS_MAX];
@@ -52,7 +52,7 @@ typedef struct driveid_fsm_common {
     driveid_monitor monitor[DRIVEID_EQUATIONS_MAX];
     driveid_status status;                   /* of answer */
     driveid_estimate answer;
-} driveid_fsm_common;
+} driveid_svf_common;
 
 #include "base/real_f64.h"
 #include "fsm_decl.inc"

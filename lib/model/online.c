@@ -10,6 +10,9 @@
 
 #include "model/online.h"
 
+#define SIGN_ERROR 3e-4    /* of the torque: when the friction turned, between stamps */
+#define CIRCUIT_ERROR 5e-4 /* of the voltage: kinks of the current between stamps */
+
 typedef struct build {
     driveid_online *online;
     uint32_t signals;
@@ -122,6 +125,7 @@ static void mechanical_left(build *b, int equation, driveid_signal s, int speed_
         if (strcmp(use->name, "coulomb") == 0) {
             need_speed(b, s, speed_derivative);
             o->rest_matters = 1;
+            o->regression.model_error = fmax(o->regression.model_error, SIGN_ERROR);
             term(b, equation, channel_of(b, ONLINE_SIGN, 0, 0), 0, &use->param[0], 1, 1);
         } else if (strcmp(use->name, "constant_load") == 0) {
             term(b, equation, channel_of(b, ONLINE_ONE, 0, 0), 0, &use->param[0], 1, 1);
@@ -167,6 +171,7 @@ static driveid_status circuit(build *b, char *reason, size_t size) {
     else note_missing(b, "K_e_Vs_rad: record omega_rad_s or theta_rad (without it the drive must stand still)");
     known(b, 0, signal_channel(b, DRIVEID_SIGNAL_V_V), 0, -1);
     b->online->regression.bandwidth_rad_s = 300;
+    b->online->regression.model_error = CIRCUIT_ERROR;
     return DRIVEID_OK;
 }
 
@@ -229,6 +234,7 @@ static driveid_status pmsm(build *b, char *reason, size_t size) {
     term(b, 2, reluctance, 0, l_d, 0, -1.5 * p);
     term(b, 2, reluctance, 0, l_q, 0, 1.5 * p);
     b->online->regression.bandwidth_rad_s = 200;
+    b->online->regression.model_error = CIRCUIT_ERROR;
     return DRIVEID_OK;
 }
 

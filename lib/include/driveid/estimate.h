@@ -44,9 +44,9 @@ typedef struct driveid_estimator_options {
     double forgetting_s;   /* memory of the long-running scheme; 0: default 10 s; INFINITY: never forget */
     double gap_s;          /* a longer silence is a gap; 0: 5 dt_s */
     double alarm;          /* residual alarm threshold (monitor.h); 0: default, < 0: never restart */
-    double model_error;    /* relative error of any parameter that no statistics of the record can see (holds between stamps, gain of a sensor):
-                              added in squares to each half-width, or a third of the same share of the
-                              equation's largest term where that is more; 0: default 5e-4, < 0: none */
+    double model_error;    /* relative error that no statistics of the record can see (a sign between stamps, kinks of a current): its share of
+                              the parameter, or a third of its share of the equation's largest term, is added in squares to each half-width;
+                              0: as the regression suggests, < 0: none */
     double range[DRIVEID_CHANNELS_MAX]; /* q31: declared |channel| range, SI */
 } driveid_estimator_options;
 

@@ -34,6 +34,7 @@ typedef struct driveid_regression {
     uint8_t equations, channels, terms, params;
     uint16_t may_be_zero;               /* bit k: theta[k] = 0 is a sound answer (a friction), so a wide relative interval is not weak */
     double bandwidth_rad_s;             /* suggested bandwidth of the filters, 0: estimator's choice */
+    double model_error;                 /* suggested options.model_error: what the terms miss of the drive, relative; 0 where they are exact */
     uint8_t hold[DRIVEID_CHANNELS_MAX]; /* driveid_hold of each channel */
     driveid_term term[DRIVEID_TERMS_MAX];
 } driveid_regression;
