@@ -84,3 +84,14 @@ def test_notebook_fragment_and_text():
     assert bundle["text/html"].startswith('<div class="driveid notebook">') and "<svg" in bundle["text/html"]
     assert "An effect is missing" in bundle["text/plain"]
     assert "tau_c_Nm" in notebook.bundle(example.improve())["text/html"]
+
+
+def test_print_style_gives_a_pdf(tmp_path, chromium):
+    path = report.write_html(example.explain(), tmp_path / "r.html", [_series()], COMMAND)
+    page = chromium.new_page(color_scheme="dark")
+    complaints = []
+    page.on("console", lambda m: complaints.append(m.text))
+    page.goto(path.as_uri())
+    pdf = page.pdf(prefer_css_page_size=True)
+    page.close()
+    assert pdf.startswith(b"%PDF") and 20_000 < len(pdf) < 3_000_000 and complaints == []

@@ -208,7 +208,7 @@ class Candidate:
     @classmethod
     def of(cls, data: dict) -> Candidate:
         ties = [t if isinstance(t, str) else t.get("effect", "") for t in data.get("not_told_apart_from") or []]
-        return cls(data.get("effect", ""), bool(data.get("accepted", False)), _number(data.get("share")), _number(data.get("confidence")),
+        return cls(data.get("effect", ""), bool(data.get("accepted", True)), _number(data.get("share")), _number(data.get("confidence")),
                    parameters_of(data.get("parameters"), data.get("effect", "")), ties, data.get("why_not") or "", data.get("equation") or "")
 
 
@@ -367,6 +367,18 @@ def _words(verdict: str, accepted: list[Candidate], data: dict) -> tuple[str, st
     return reason, ""
 
 
+def _walk(data: dict) -> tuple[str, str, str]:
+    """Headline, sentence and advice of an improvement: what was added, and why it ended."""
+    added = [effect_title(s["effect"]) for s in data["steps"] if isinstance(s, dict) and s.get("effect")]
+    headline = f"{len(added)} effects were missing and were added" if len(added) > 1 else f"One effect was missing and was added: {added[0]}" if added else "Nothing was added"
+    sentence = f"The walk ended: {ENDS.get(data.get('ends') or '', data.get('ends') or 'no reason is given')}."
+    if len(added) > 1:
+        sentence = f"Added in this order: {_list(added)}. {sentence}"
+    advice = {"tie": "Record the motion below: it tells the explanations apart.", "unknown": "If you know the cause, write it as an own effect (a formula) and fit again."}.get(
+        data.get("ends") or "", "The model is ready. Try it on a record with other motions.")
+    return headline, sentence, advice
+
+
 def _answer(data: dict) -> Answer | None:
     verdict = data.get("verdict")
     if not verdict:
@@ -378,7 +390,9 @@ def _answer(data: dict) -> Answer | None:
     sentence, advice = _words(verdict, accepted, data)
     rest = [c for c in candidates if c not in accepted]
     headline = VERDICTS.get(verdict, verdict)
-    if verdict == "missing" and len(accepted) > 1:
+    if "steps" in data and verdict != "bad_data":
+        headline, sentence, advice = _walk(data)
+    elif verdict == "missing" and len(accepted) > 1:
         headline = f"{len(accepted)} effects are missing"
     return Answer(verdict, headline, sentence, advice, accepted, rest, NextRecord.of(data.get("next_record")), Shape.of(data.get("shape")))
 

@@ -124,18 +124,31 @@ def candidate_rows(items: list[Candidate]) -> str:
         ties = f'not told apart from {escape(", ".join(effect_title(t) for t in c.ties))}' if c.ties else ""
         verdict = tag("missing", "warn") if c.accepted else tag("rejected")
         rows.append([f'<b>{escape(c.title)}</b><br><code class="soft">{escape(c.equation or c.effect)}</code>', verdict, units.percent(c.share),
-                     units.percent(c.confidence) if c.confidence is not None else "", values or escape(c.why), ties])
+                     units.percent(c.confidence) if c.confidence is not None and c.accepted else "", values or escape(c.why), ties])
     return table(["effect", "", "explains", "confidence", "parameters", ""], rows, {2, 3}) if rows else ""
 
 
 def next_record(item: NextRecord) -> str:
     separates = f'<p class="soft">It tells apart: {escape(", ".join(effect_title(s) for s in item.separates))}.</p>' if item.separates else ""
-    points = ""
-    if item.table:
-        head = list(item.table[0])
-        points = table([units.symbol_html(h) + (f" / {units.split_name(h)[1]}" if units.split_name(h)[1] else "") for h in head],
-                       [[escape(_cell(row.get(h))) for h in head] for row in item.table], set(range(len(head))))
-    return f"<p>{escape(item.motion)}</p><p class=soft>{escape(item.why)}</p>{separates}{points}"
+    motion = item.motion[:1].upper() + item.motion[1:]
+    return f"<p>{escape(motion)}</p><p class=soft>{escape(item.why)}</p>{separates}{_set_points(item.table)}"
+
+
+def _set_points(rows: list[dict]) -> str:
+    """Set points as a drawn profile, with the numbers to type into a drive under it."""
+    if not rows:
+        return ""
+    head = list(rows[0])
+    numbers = table([units.symbol_html(h) + (f" / {units.split_name(h)[1]}" if units.split_name(h)[1] else "") for h in head],
+                    [[escape(_cell(row.get(h))) for h in head] for row in rows], set(range(len(head))))
+    if len(head) < 2 or len(rows) < 3 or not all(isinstance(row.get(h), (int, float)) for row in rows for h in head[:2]):
+        return numbers
+    x, y = (np.array([float(row[h]) for row in rows]) for h in head[:2])
+    figure = Figure(Axis.around([x], "time", units.split_name(head[0])[1], pad=0.02), Axis.around([y], units.symbol(head[1]), units.split_name(head[1])[1], zero=True), width=560, height=150,
+                    label="set points of the motion")
+    figure.line([figure.x.lo, figure.x.hi], [0.0, 0.0], "zero", thin=False)
+    figure.line(x, y, "model0", thin=False)
+    return f"{figure.svg()}<details><summary>Set points as a table</summary>{numbers}</details>"
 
 
 def _cell(value: object) -> str:
@@ -187,12 +200,15 @@ def staircase(steps: list[Step], kind: str | None = None, width: int = 860, heig
     for k, (step, training, held_out) in enumerate(pairs):
         for error, a, b, cls, side in ((training, 0.16, 0.49, "train", "training"), (held_out, 0.51, 0.84, "held", "held out")):
             if error:
-                text = units.number(error.rmse, error.unit, 3)
-                figure.rect(k + a, k + b, y.lo, error.rmse, cls, f"{step.title}, {side}: {text}")
-                figure.text(k + (a + b) / 2, error.rmse, text, "strong", dy=-6)
+                figure.rect(k + a, k + b, y.lo, error.rmse, cls, f"{step.title}, {side}: {units.number(error.rmse, error.unit, 3)}")
     treads = [(k, e.rmse) for k, (_, a, b) in enumerate(pairs) if (e := b or a)]
     corners = [(x, value) for k, value in treads for x in (k, k + 1)]
     figure.line([x for x, _ in corners], [v for _, v in corners], "tread", thin=False)
+    divisor, _ = units.scale_of(max(abs(y.lo), abs(y.hi)), units.pretty_unit(y.unit))
+    for k, (_, training, held_out) in enumerate(pairs):
+        for error, middle in ((training, 0.325), (held_out, 0.675)):
+            if error:
+                figure.text(k + middle, error.rmse, f"{error.rmse / divisor:.3g}", "strong", dy=-6)
     legend = '<div class="legend"><span class="box light">training</span><span class="box">held out</span><span class="box floor">noise floor</span></div>'
     return legend + figure.svg()
 

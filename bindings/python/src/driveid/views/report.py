@@ -78,7 +78,7 @@ def body(document: dict, series: list[Series] = (), command: str = "", title: st
     doc = view.document(document)
     stairs = ""
     if len(doc.steps) > 1:
-        stairs = pieces.staircase(doc.steps) + (f"<p>The walk ended: {escape(view.ENDS.get(doc.ends, doc.ends))}.</p>" if doc.ends else "")
+        stairs = pieces.staircase(doc.steps)
     answer = pieces.answer(doc.answer, doc.notices) if doc.answer else ""
     notices = "" if answer or not doc.notices else "<ul class=notices>" + "".join(f"<li>{escape(n)}</li>" for n in doc.notices) + "</ul>"
     model_text = document.get("model_toml") or (document.get("model") if isinstance(document.get("model"), str) and "\n" in document["model"] else "")
