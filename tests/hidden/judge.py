@@ -72,7 +72,7 @@ def torque_factor(case, truth, given):
 
 
 def coverage(case, truth, answer, given):
-    """[(symbol, covered)] of the right answer's parameters whose truth the simulator states in the same words."""
+    """[(symbol, covered, distance of the truth in half-widths)] of the right answer's parameters whose truth the simulator states in the same words."""
     out = []
     entry = next((e for e in answer.get("ranked", []) if e.get("accepted") and e["effect"] in case["effects"]), None)
     if entry is None:
@@ -92,5 +92,5 @@ def coverage(case, truth, answer, given):
         if symbol in PHASES:
             middle = 0.5 * (lo + hi)
             value = middle + math.remainder(value - middle, 2 * math.pi)
-        out.append((symbol, bool(lo <= value <= hi)))
+        out.append((symbol, bool(lo <= value <= hi), round((value - 0.5 * (lo + hi)) / (0.5 * (hi - lo)), 2)))
     return out

@@ -58,10 +58,10 @@ def test_none_outside_and_pairs():
 
 def test_coverage_knows_frames_and_given_constants():
     answer = {"ranked": [entry("coulomb", tau_c_Nm={"value": 0.22, "interval": [0.21, 0.23]})]}
-    assert judge.coverage(case(), truth(), answer, {"K_t_Nm_A": 0.11}) == [("tau_c", True)]   # K_t given 10 % too large
-    assert judge.coverage(case(), truth(), answer, {"K_t_Nm_A": 0.10}) == [("tau_c", False)]
+    assert judge.coverage(case(), truth(), answer, {"K_t_Nm_A": 0.11}) == [("tau_c", True, 0.0)]   # K_t given 10 % too large
+    assert judge.coverage(case(), truth(), answer, {"K_t_Nm_A": 0.10}) == [("tau_c", False, -2.0)]
     answer = {"ranked": [entry("coulomb", tau_c_A={"value": 2.0, "interval": [1.9, 2.1]})]}
-    assert judge.coverage(case(), truth(), answer, {}) == [("tau_c", True)]                   # per ampere
+    assert judge.coverage(case(), truth(), answer, {}) == [("tau_c", True, 0.0)]                   # per ampere
     assert judge.symbol_of("F_c_N") == "tau_c" and judge.symbol_of("c_Nms2_rad2") == "c" and judge.symbol_of("N") == "N"
 
 
