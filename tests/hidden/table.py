@@ -17,7 +17,7 @@ def summary(results):
     single = [r for r in counted if r["group"] == "single"]
     of = {g: [r for r in counted if r["group"] == g] for g in ("none", "outside", "pair")}
     answered = [r for r in single if r.get("first")]
-    covers = [ok for r in results for _, ok, _ in r.get("coverage", [])]
+    covers = [c[1] for r in results for c in r.get("coverage", [])]
     ratios = [r["held_out_over_true"] for r in results if "held_out_over_true" in r]
     seconds = sorted(r["seconds"] for r in results if "seconds" in r)
     none_answered = share(of["none"])
