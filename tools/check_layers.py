@@ -26,7 +26,7 @@ ROOMS = {
 # public header -> room it belongs to
 HEADERS = {
     "status": "base", "time": "base", "sample": "base", "version": "base", "regression": "base", "filter": "base", "fixed": "base",
-    "filter": "base", "effect": "effect", "model": "model", "simulate": "model", "model_file": "model file", "batch": "batch", "modal": "batch",
+    "filter": "base", "effect": "effect", "model": "model", "simulate": "model", "model_file": "model file", "batch": "batch", "modal": "batch", "lti": "batch",
     "diagnose": "diagnose", "fsm": "estimate", "discrete": "estimate", "monitor": "estimate", "estimate": "estimate",
 }
 # ARCHITECTURE.md: driveid_estimate is plain data that model maps to physical parameters; its page is included by both.
@@ -35,7 +35,7 @@ SHARED_HEADERS = {"estimate": {"model", "model file", "batch", "diagnose"}}
 PUBLIC_ONLY = {"daemon": None, "bindings": None, "simulator": {"status", "time", "sample", "version"}}
 # CMake target -> targets of ours that it may link
 LINKS = {
-    "driveid": set(), "driveid_batch": {"driveid"},
+    "driveid": set(), "driveid_file": {"driveid"}, "driveid_batch": {"driveid"}, "driveidd_core": {"driveid", "driveid_file"},
     "driveid-sim": {"driveid", "driveid_sim", "driveid-simlib"}, "driveid_sim": {"driveid"},
 }
 OUR_TARGETS = re.compile(r"^(driveid(_\w+|-\w+|::\w+)?|driveidd\w*)$")
