@@ -159,7 +159,7 @@ private:
         uint32_t valid = 0;
         driveid_status status = driveid_estimator_estimate(storage_->get(), &e);
         // As the daemon does: with weak excitation some parameters may still be trusted, and the mask says which.
-        const bool written = status == DRIVEID_OK || status == DRIVEID_WEAK_EXCITATION || status == DRIVEID_RANK;
+        const bool written = status == DRIVEID_OK || status == DRIVEID_WEAK_EXCITATION || status == DRIVEID_RANK || status == DRIVEID_FROZEN;
         const bool have = written && driveid_online_physical(&online_, &e, p, &valid) == DRIVEID_OK;
         out.row.push_back(static_cast<int64_t>(r));
         out.estimate_status.push_back(static_cast<int8_t>(status));

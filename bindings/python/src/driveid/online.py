@@ -55,6 +55,10 @@ class Check:
 
 def replay(model: Model, record: Record, *, method: str = "fsm", type: str = "f64", dt_s: float | None = None, every: int = 1, **options: float) -> Replay:
     """Feed a record to an on-line estimator. `every`: an estimate is asked for at each `every`-th sample."""
+    return _held(record, *_run(model, record, method, type, dt_s, every, options))
+
+
+def _run(model: Model, record: Record, method: str, type: str, dt_s: float | None, every: int, options: dict) -> tuple[_core.Online, dict]:
     for name in options:
         if name not in _OPTIONS:
             raise UsageError(f"no option {name!r}. {close_names(name, ('method', 'type', 'dt_s', 'every', *_OPTIONS))}")
@@ -74,10 +78,16 @@ def replay(model: Model, record: Record, *, method: str = "fsm", type: str = "f6
         part = online.run(np.ascontiguousarray(record.t_ns[rows]), [(n, np.ascontiguousarray(v[rows])) for n, v in columns.items()], every)
         part["row"] = part["row"] + rows[0]
         parts.append(part)
-    out = {key: np.concatenate([p[key] for p in parts]) for key in parts[0]}
-    valid = out["valid"].astype(bool)
-    held = [_hold(out[k], valid) for k in ("value", "lo", "hi")]
-    return Replay(online.parameters, record.t_ns[out["row"]], *held, valid, out["status"], out["restarts"], out["residual_rms"], online.missing)
+    return online, {key: np.concatenate([p[key] for p in parts]) for key in parts[0]}
+
+
+def _held(record: Record, online: _core.Online, raw: dict, keep: np.ndarray | None = None) -> Replay:
+    """keep: rows at which somebody looked; a value that was trusted only between two looks was never seen."""
+    if keep is not None:
+        raw = {key: values if key == "status" else values[keep] for key, values in raw.items()}
+    valid = raw["valid"].astype(bool)
+    held = [_hold(raw[k], valid) for k in ("value", "lo", "hi")]
+    return Replay(online.parameters, record.t_ns[raw["row"]], *held, valid, raw["status"], raw["restarts"], raw["residual_rms"], online.missing)
 
 
 def _hold(values: np.ndarray, valid: np.ndarray) -> np.ndarray:
@@ -88,7 +98,9 @@ def _hold(values: np.ndarray, valid: np.ndarray) -> np.ndarray:
 
 
 def replay_drec(path: str | os.PathLike, *, drive: str | None = None, model: Model | None = None, **changes) -> tuple[Replay, Check]:
-    """Replay the decoded samples of a gateway record with the settings of its configuration (`changes` override them)."""
+    """Replay the decoded samples of a gateway record with the settings of its configuration (`changes` override them).
+
+    Estimates are given at the instants at which the daemon gave its own; at every sample where the record holds none."""
     path = Path(path)
     try:
         file = parse(path, path.read_bytes())
@@ -100,7 +112,10 @@ def replay_drec(path: str | os.PathLike, *, drive: str | None = None, model: Mod
         raise FileError(path, "holds no decoded sample of this drive", mend="Record with record_samples = true, or read the frames with --dbc")
     record = Record(path.name, t_ns, columns, path=str(path))
     options = {k: settings[k] for k in ("method", "type", "dt_s", *_OPTIONS) if k in settings} | changes
-    result = replay(model or _model(path, settings), record, **options)
+    online, raw = _run(model or _model(path, settings), record, options.pop("method", "fsm"), options.pop("type", "f64"), options.pop("dt_s", None), 1, options)
+    told = [e.t_ns for e in of_kind(file.entries, ESTIMATE) if e.source == index]
+    keep = np.flatnonzero(np.isin(t_ns, told)) if told else None
+    result = _held(record, online, raw, keep)
     return result, _check(result, file, index)
 
 
