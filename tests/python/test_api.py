@@ -23,6 +23,14 @@ def record(**more) -> Record:
     return Record("run", np.rint(t * 1e9).astype(np.int64), columns)
 
 
+def test_record_from_arrays():
+    r = driveid.Record.of("mine", t_s=[0, 0.5], i_A=np.array([1, 2], dtype=np.float32), theta_rad=[0, 1])
+    assert r.t_ns.tolist() == [0, 500_000_000] and r["i_A"].dtype == np.float64
+    for words, arguments in (("one time", {"i_A": [1]}), ("is no signal", {"t_s": [0], "amps": [1]}), ("shape", {"t_s": [0, 1], "i_A": [1]})):
+        with pytest.raises(driveid.UsageError, match=words):
+            driveid.Record.of("mine", **arguments)
+
+
 def test_model():
     m = driveid.Model.new("rigid_axis", K_t_Nm_A=0.05)
     assert m.structure == "rigid_axis" and m.parameters["K_t_Nm_A"].value == 0.05 and m.parameters["J_kgm2"].value is None

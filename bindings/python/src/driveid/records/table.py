@@ -63,6 +63,21 @@ class Record:
     path: str | None = None
     notices: list[str] = field(default_factory=list)
 
+    @classmethod
+    def of(cls, name: str, *, t_s=None, t_ns=None, hold: str | None = None, **columns) -> Record:
+        """From arrays: Record.of("run", t_s=t, i_A=i, theta_rad=theta). Anything that numpy takes, a pandas column too."""
+        if (t_s is None) == (t_ns is None):
+            raise UsageError("a record has one time: give t_s or t_ns")
+        stamps = np.asarray(t_ns, dtype=np.int64) if t_ns is not None else to_ns(np.asarray(t_s, dtype=np.float64), 1.0)
+        values = {}
+        for column, data in columns.items():
+            if column not in _core.SIGNALS:
+                raise UsageError(f"{column!r} is no signal. {close_names(column, _core.SIGNALS)}")
+            values[column] = np.ascontiguousarray(data, dtype=np.float64)
+            if values[column].shape != stamps.shape or stamps.ndim != 1:
+                raise UsageError(f"{column} has shape {values[column].shape}, the time has {stamps.shape}")
+        return cls(name, np.ascontiguousarray(stamps), values, hold=hold)
+
     @property
     def rows(self) -> int:
         return len(self.t_ns)
