@@ -6,7 +6,6 @@ from __future__ import annotations
 import asyncio
 import os
 import shutil
-import socket
 import sys
 import tempfile
 import threading
@@ -105,9 +104,12 @@ def chromium():
         browser.close()
 
 
-def is_port_open(port: int) -> bool:
-    with socket.socket() as s:
-        return s.connect_ex(("127.0.0.1", port)) == 0
+def run_async(coroutine, seconds: float = 60.0) -> None:
+    """Run to its end in a thread of its own: Playwright keeps a loop in the main thread for the whole session."""
+    from concurrent.futures import ThreadPoolExecutor
+
+    with ThreadPoolExecutor(1) as pool:
+        pool.submit(lambda: asyncio.run(asyncio.wait_for(coroutine, seconds))).result()
 
 
 def build_folder() -> Path:

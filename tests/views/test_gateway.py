@@ -6,7 +6,7 @@ import json
 
 import numpy as np
 import pytest
-from conftest import FakeGateway
+from conftest import FakeGateway, run_async
 from driveid.views.feed import Feed, NotConnected
 from driveid.views.gateway import Gateway, Window, lamp, sparkline
 
@@ -75,7 +75,7 @@ def test_feed_comes_back_after_the_daemon_died(short_tmp):
         assert any("back" in e["text"] for e in gateway.events)
         task.cancel()
 
-    asyncio.run(main())
+    run_async(main())
     daemon.stop()
 
 
@@ -93,7 +93,7 @@ def test_refusal_carries_the_mend(short_tmp):
             await feed.record("a.drec")
         task.cancel()
 
-    asyncio.run(asyncio.wait_for(main(), 10))
+    run_async(main(), 10)
     daemon.stop()
 
 
@@ -118,7 +118,7 @@ def test_a_peer_that_is_no_gateway_is_shown_as_such(short_tmp, answer):
         task.cancel()
         server.close()
 
-    asyncio.run(main())
+    run_async(main())
 
 
 def test_lost_events_are_counted():

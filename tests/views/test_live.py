@@ -8,7 +8,7 @@ import subprocess
 import time
 
 import pytest
-from conftest import Screen, Server, wait_for
+from conftest import Screen, Server, run_async, wait_for
 from driveid.views.workbench.projects import bundled_example
 
 
@@ -101,8 +101,6 @@ def test_live_page_in_the_dark_on_a_tablet(chromium, server):
 
 
 def test_monitor_on_the_real_daemon(gateway):
-    import asyncio
-
     from driveid.views.watch import Watch
     from test_watch import screen as text
 
@@ -118,4 +116,4 @@ def test_monitor_on_the_real_daemon(gateway):
             assert "axis1" in shown and "±" in shown and "bus modbus_tcp" in shown, shown
             assert max(len(line) for line in shown.split("\n")) <= 80
 
-    asyncio.run(main())
+    run_async(main())

@@ -9,7 +9,7 @@ import re
 from pathlib import Path
 
 import pytest
-from conftest import FakeGateway
+from conftest import FakeGateway, run_async
 from driveid.views.gateway import Gateway
 from driveid.views.watch import Watch
 
@@ -67,7 +67,7 @@ def run(app: Watch, steps) -> None:
             await pilot.pause(0.1)
             await steps(pilot)
 
-    asyncio.run(asyncio.wait_for(main(), 40))
+    run_async(main(), 40)
 
 
 def test_screen_of_a_running_gateway():
@@ -171,7 +171,7 @@ def test_any_size_of_terminal(size):
             await pilot.pause(0.4)
             assert "driveid watch" in screen(app)
 
-    asyncio.run(main())
+    run_async(main())
 
 
 def test_gateway_without_anything_is_shown():

@@ -50,11 +50,19 @@ class Feed:
             return f"the gateway at {self.path} has been silent for {SILENCE_S:g} s"
         return str(error) or type(error).__name__
 
-    def _away(self, reason: str) -> None:
+    def _nobody_answers(self, listening: asyncio.Task) -> None:
+        """Nobody listens any more: who waits for an answer is told at once."""
+        error = None if listening.cancelled() else listening.exception()
+        self._fail_waiting(self._reason(error) if error else "the gateway closed the connection")
+
+    def _fail_waiting(self, reason: str) -> None:
         for future in self._waiting.values():
             if not future.done():
                 future.set_exception(NotConnected(reason))
         self._waiting.clear()
+
+    def _away(self, reason: str) -> None:
+        self._fail_waiting(reason)
         self._writer = None
         self.gateway.set_connected(False, reason)
         self.changed()
@@ -62,6 +70,7 @@ class Feed:
     async def _session(self) -> None:
         reader, self._writer = await asyncio.open_unix_connection(self.path, limit=LINE_LIMIT * 4)
         listening = asyncio.create_task(self._listen(reader))
+        listening.add_done_callback(self._nobody_answers)
         try:
             self.gateway.take(await self.request("hello"))
             self.gateway.take(await self.request("status"))

@@ -189,14 +189,15 @@ def staircase(steps: list[Step], kind: str | None = None, width: int = 860, heig
     pairs = [(s, s.training.by_kind.get(kind), s.held_out.by_kind.get(kind)) for s in steps]
     known = [e for _, a, b in pairs for e in (a, b) if e]
     floors = [e.floor for e in known if e.floor and e.floor[1] > 0.0]
-    values = [e.rmse for e in known if e.rmse > 0.0] + [f[1] for f in floors] + [f[0] for f in floors if f[0] > 0.0]
+    floor = (max(f[0] for f in floors), min(f[1] for f in floors)) if floors else None  # each bracket holds the one floor of these data
+    values = [e.rmse for e in known if e.rmse > 0.0] + [f for f in floor or () if f > 0.0]
     lo, hi = min(values), max(values)
     log = hi / lo > 6.0
     y = Axis(lo / 1.4, hi * 1.35, "error", known[0].unit, True) if log else Axis(0.0, hi * 1.15, "error", known[0].unit)
     marks = [(k + 0.5, ("+ " if s.effect else "") + s.title) for k, (s, _, _) in enumerate(pairs)]
     figure = Figure(Axis(0.0, max(float(len(pairs)), 4.0)), y, width=width, height=height, label="error after each added effect", x_texts=marks, bottom=26)
-    if floors:
-        figure.rect(0.0, figure.x.hi, max(min(f[0] for f in floors), y.lo), max(f[1] for f in floors), "floor", "noise floor")
+    if floor:
+        figure.rect(0.0, figure.x.hi, max(min(floor), y.lo), max(floor), "floor", "noise floor")
     for k, (step, training, held_out) in enumerate(pairs):
         for error, a, b, cls, side in ((training, 0.16, 0.49, "train", "training"), (held_out, 0.51, 0.84, "held", "held out")):
             if error:
