@@ -9,7 +9,6 @@
 #include <string>
 #include <vector>
 
-#define TOML_EXCEPTIONS 0
 #include <toml++/toml.h>
 
 #include <driveid/effect.h>
@@ -205,12 +204,11 @@ driveid_model read_model(const toml::table &root) {
 }
 
 toml::table parse(const char *text) {
-  toml::parse_result result = toml::parse(std::string_view(text));
-  if (!result) {
-    const auto &error = result.error();
+  try { // with exceptions, as the daemon uses it: toml++ in both modes does not share one program
+    return toml::parse(std::string_view(text));
+  } catch (const toml::parse_error &error) {
     throw Complaint{DRIVEID_ERR_FORMAT, "line " + std::to_string(error.source().begin.line) + ": " + std::string(error.description())};
   }
-  return std::move(result).table();
 }
 
 template <typename Work>
