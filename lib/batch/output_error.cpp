@@ -34,6 +34,7 @@ struct Fitting {
   std::vector<Window> windows;
   std::size_t rows = 0;
   std::vector<double> measured, scale;          // stacked: window, output, row; 1/noise by output
+  std::vector<double> head;                     // by output: factor on the first rows of a whole stretch
   std::vector<uint32_t> states;                 // indices of free initial states
   double state_step[DRIVEID_X_COUNT] = {};
 };
@@ -104,6 +105,7 @@ void stack_measured(Fitting &f) {
   const std::size_t m = f.problem.outputs.size();
   f.measured.resize(f.rows * m);
   f.scale.assign(m, 1.0);
+  f.head.assign(m, 1.0);
   for (const Window &w : f.windows)
     for (std::size_t o = 0; o < m; o++) {
       const auto &column = f.problem.stretches[w.stretch]->column[f.problem.outputs[o]];
@@ -116,6 +118,9 @@ void stack_measured(Fitting &f) {
   const double size = hi > lo ? hi - lo : 1.0;
   for (int k = 0; k < DRIVEID_X_COUNT; k++) f.state_step[k] = 1e-4 * size * (k == DRIVEID_X_SPEED || k == DRIVEID_X_SPEED_L ? 1.0 / std::max(1e-3, std::min(1.0, seconds)) : 1.0);
 }
+
+// Weight of a stacked value: i counts rows of output o inside a window.
+double weight_of(const Fitting &f, std::size_t o, std::size_t i) { return f.scale[o] * (f.problem.window_s == 0 && i < kHead ? f.head[o] : 1.0); }
 
 struct Local {                       // one window, initial states projected out
   Eigen::MatrixXd Jp, Js;            // scaled, projected Jp; raw Js factors kept for the state step
@@ -186,7 +191,7 @@ bool linearise(Fitting &f, const driveid_model &model, const Stack &base, Linear
     l.rawJp.resize(Eigen::Index(n * m), Eigen::Index(P));
     Eigen::MatrixXd Js(Eigen::Index(n * m), Eigen::Index(S));
     for (std::size_t i = 0; i < n * m; i++) {
-      const double scale = f.scale[i / n];
+      const double scale = weight_of(f, i / n, i % n);
       l.raw[Eigen::Index(i)] = scale * (f.measured[first + i] - base[first + i]);
       for (std::size_t k = 0; k < P; k++) l.rawJp(Eigen::Index(i), Eigen::Index(k)) = scale * d[k][first + i];
       for (std::size_t k = 0; k < S; k++) Js(Eigen::Index(i), Eigen::Index(k)) = scale * d[P + k][first + i];
@@ -218,7 +223,7 @@ double total_cost(const Fitting &f, const Stack &base, const std::vector<double>
     const std::size_t n = f.windows[w].to - f.windows[w].from, first = f.windows[w].at * m;
     double one = 0;
     for (std::size_t i = 0; i < n * m; i++) {
-      const double e = f.scale[i / n] * (f.measured[first + i] - base[first + i]);
+      const double e = weight_of(f, i / n, i % n) * (f.measured[first + i] - base[first + i]);
       one += e * e;
     }
     sum += (w < weight.size() ? weight[w] : 1.0) * one;
@@ -228,15 +233,15 @@ double total_cost(const Fitting &f, const Stack &base, const std::vector<double>
 
 void weigh_outputs(Fitting &f, const Stack &base) {
   const std::size_t m = f.problem.outputs.size();
-  if (m < 2) return;
-  Eigen::VectorXd sum = Eigen::VectorXd::Zero(Eigen::Index(m));
-  for (const Window &w : f.windows)
-    for (std::size_t o = 0; o < m; o++)
-      for (std::size_t i = 0; i < w.to - w.from; i++) {
-        const std::size_t at = w.at * m + o * (w.to - w.from) + i;
-        sum[Eigen::Index(o)] += std::pow(f.measured[at] - base[at], 2);
-      }
-  for (std::size_t o = 0; o < m; o++) f.scale[o] = sum[Eigen::Index(o)] > 0 ? std::sqrt(double(f.rows) / sum[Eigen::Index(o)]) : 1.0;
+  for (std::size_t o = 0; o < m; o++) {
+    double sum = 0, noise = 0;
+    for (const Window &w : f.windows)
+      for (std::size_t i = 0; i < w.to - w.from; i++) sum += std::pow(f.measured[w.at * m + o * (w.to - w.from) + i] - base[w.at * m + o * (w.to - w.from) + i], 2);
+    for (const Stretch *s : f.problem.stretches) noise = std::max(noise, s->noise[f.problem.outputs[o]]);
+    const double rms = std::sqrt(sum / double(f.rows));
+    if (m > 1) f.scale[o] = rms > 0 ? 1 / rms : 1.0;
+    f.head[o] = noise > 0 ? std::clamp(rms / noise, 1.0, 1e4) : 1.0;
+  }
 }
 
 // Moves parameters and initial states; false where a bound left no room.
@@ -316,7 +321,8 @@ void report_rmse(const Fitting &f, const Linear &lin, OutputErrorResult &result)
   Eigen::VectorXd sum = Eigen::VectorXd::Zero(Eigen::Index(m));
   for (std::size_t w = 0; w < lin.local.size(); w++) {
     const Eigen::Index n = Eigen::Index(f.windows[w].to - f.windows[w].from);
-    for (std::size_t o = 0; o < m; o++) sum[Eigen::Index(o)] += lin.local[w].r.segment(Eigen::Index(o) * n, n).squaredNorm() / (f.scale[o] * f.scale[o]);
+    for (std::size_t o = 0; o < m; o++)
+      for (Eigen::Index i = 0; i < n; i++) sum[Eigen::Index(o)] += std::pow(lin.local[w].r[Eigen::Index(o) * n + i] / weight_of(f, o, std::size_t(i)), 2);
   }
   result.rmse = (sum / double(f.rows)).cwiseSqrt();
 }
@@ -326,7 +332,7 @@ void report_rmse(const Fitting &f, const Linear &lin, OutputErrorResult &result)
 OutputErrorResult fit_output_error(const OutputErrorProblem &problem) {
   OutputErrorResult result;
   result.model = problem.model;
-  Fitting f{problem, {}, 0, {}, {}, {}, {}};
+  Fitting f{problem, {}, 0, {}, {}, {}, {}, {}};
   make_windows(f);
   if (f.windows.empty() || problem.outputs.empty()) return result;
   stack_measured(f);
@@ -375,7 +381,7 @@ OutputErrorResult fit_output_error(const OutputErrorProblem &problem) {
 
 bool free_run(const driveid_model &model, const Stretch &stretch, driveid_sim_mode mode, std::size_t from, std::size_t to, std::size_t settle,
               std::vector<double> (&out)[DRIVEID_SIGNAL_COUNT], const std::vector<driveid_signal> &wanted) {
-  // the initial state: least squares of the model over the first rows, parameters fixed
+  // initial state: least squares of the model over the first rows, parameters fixed
   OutputErrorProblem start;
   start.model = model;
   start.mode = mode;
@@ -387,12 +393,13 @@ bool free_run(const driveid_model &model, const Stretch &stretch, driveid_sim_mo
   for (int s = 0; s < DRIVEID_SIGNAL_COUNT; s++)
     if (!stretch.column[s].empty()) head.column[s].assign(stretch.column[s].begin() + std::ptrdiff_t(from), stretch.column[s].begin() + std::ptrdiff_t(end));
   head.hold = stretch.hold;
+  start.window_s = 1e9;   // one window, no rows weigh more than others
   start.stretches = {&head};
   const driveid_sim_record view = stretch.view();
   driveid_sim sim;
   driveid_sim_state state;
   if (driveid_sim_init(&sim, &model, &view, mode, nullptr, 0) || driveid_sim_start(&sim, from, &state)) return false;
-  Fitting f{start, {}, 0, {}, {}, {}, {}};
+  Fitting f{start, {}, 0, {}, {}, {}, {}, {}};
   make_windows(f);
   if (!f.windows.empty() && !start.outputs.empty()) {
     stack_measured(f);

@@ -4,6 +4,8 @@
 // Windows are simulated from unknown initial states that each window's own least squares removes (variable projection), so a window of any
 // length, down to some tens of samples and up to the whole stretch, is one method: short windows forgive a disturbed or noisy input, long ones
 // resolve weak parameters. Memories of effects (bristles, winding heat) are carried from window to window.
+// A free run over a whole stretch must start where the record starts: its first rows weigh as much as their sensor noise allows, not as little as the
+// error of the whole run would give them, lest an initial state that contradicts them make up for the model.
 // Steps are Gauss-Newton with Levenberg-Marquardt damping; derivatives are differences of simulations. The covariance is a sandwich over blocks of
 // the projected score, so it holds for coloured residuals; windows far outside the others' error are weighted down (Huber).
 #pragma once
@@ -22,6 +24,7 @@ struct Stretch {                 // one gap-free piece of a record; owns its col
   std::vector<double> t_s;
   std::vector<double> column[DRIVEID_SIGNAL_COUNT];  // empty: absent
   driveid_hold hold = DRIVEID_HOLD_FIRST;
+  double noise[DRIVEID_SIGNAL_COUNT] = {};           // standard deviation of each sensor, 0 where unknown
   driveid_sim_record view() const;
 };
 
@@ -54,6 +57,8 @@ struct OutputErrorResult {
 
 double &value_of(driveid_model &model, const FreeParam &free);
 OutputErrorResult fit_output_error(const OutputErrorProblem &problem);
+
+inline constexpr std::size_t kHead = 20;   // rows that pin the initial state of a free run
 
 // Free run over one stretch. The initial state is estimated from the first `settle` rows by the model itself. out[s] sized rows where wanted.
 bool free_run(const driveid_model &model, const Stretch &stretch, driveid_sim_mode mode, std::size_t from, std::size_t to, std::size_t settle,

@@ -13,6 +13,7 @@ FitOptions options_of(const Task &task) {
   FitOptions o;
   o.threads = task.threads;
   if (task.options.contains("refine") && task.options["refine"].is_boolean()) o.refine = task.options["refine"].get<bool>();
+  if (task.options.contains("window_s") && task.options["window_s"].is_number()) o.window_s = task.options["window_s"].get<double>();
   o.tick = task.tick;
   return o;
 }

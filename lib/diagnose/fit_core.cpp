@@ -57,7 +57,10 @@ std::vector<batch::Stretch> make_stretches(const driveid_model &model, const Pre
     for (std::size_t k = 0; k < piece.n; k++) s.t_s[k] = piece.t0_s + double(k) * record.dt_s;
     for (const auto &[name, values] : piece.signal) {
       driveid_signal which;
-      if (driveid_signal_from_name(name.c_str(), &which) == DRIVEID_OK) s.column[which] = values;
+      if (driveid_signal_from_name(name.c_str(), &which)) continue;
+      s.column[which] = values;
+      const auto q = record.quality.find(name);
+      if (q != record.quality.end()) s.noise[which] = q->second.noise;
     }
     if (s.column[position].empty() && piece.signal.count(roles.position)) s.column[position] = piece.signal.at(roles.position);
     if (s.column[speed].empty() && piece.signal.count(roles.speed)) s.column[speed] = piece.signal.at(roles.speed);
@@ -232,6 +235,8 @@ Data split(const std::vector<batch::Stretch> &training, const std::vector<batch:
     }
     batch::Stretch a, b;
     a.hold = b.hold = s.hold;
+    std::copy(std::begin(s.noise), std::end(s.noise), a.noise);
+    std::copy(std::begin(s.noise), std::end(s.noise), b.noise);
     auto part = [&](const std::vector<double> &v, std::size_t from, std::size_t to) { return std::vector<double>(v.begin() + std::ptrdiff_t(from), v.begin() + std::ptrdiff_t(to)); };
     a.t_s = part(s.t_s, 0, cut);
     b.t_s = part(s.t_s, cut, n);
@@ -295,14 +300,16 @@ void refine_part(FitOutcome &outcome, const Part &part, const std::vector<batch:
   double longest = 0;
   for (const batch::Stretch &s : data.training) longest = std::max(longest, s.t_s.back() - s.t_s.front());
   driveid_model start = outcome.model;
-  for (double window : {0.2, 1.0, 0.0}) {
-    if (window > 0.4 * longest) continue;
-    if (options.tick && !options.tick(window == 0 ? 0.7 : 0.4 + 0.2 * window, "refine")) { outcome.cancelled = true; return; }
+  std::vector<double> lengths{0.2, 1.0, 5.0, 0.0};
+  if (options.window_s >= 0) lengths = {options.window_s}, trials.clear();
+  for (double window : lengths) {
+    if (window > 0.4 * longest && options.window_s < 0) continue;
+    if (options.tick && !options.tick(window == 0 ? 0.7 : 0.3 + 0.07 * window, "refine")) { outcome.cancelled = true; return; }
     const auto r = refine(start, part, data.training, window, free, 6);
     if (!r) continue;
     Trial t{window_name(window), r->model, uncertainty_of(r->model, free, r->covariance), 0};
     t.score = judge(t.model, part, data.judged);
-    if (t.score < trials.back().score + 0.5) start = t.model;
+    if (trials.empty() || t.score < trials.back().score + 0.5) start = t.model;
     trials.push_back(t);
   }
   double best = INFINITY;

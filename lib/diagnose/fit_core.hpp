@@ -18,6 +18,7 @@ namespace driveid::diagnose {
 struct FitOptions {
   int threads = 2;
   bool refine = true;                              // false: equation least squares alone (fast)
+  double window_s = -1;                            // >= 0: this objective and no other; 0: free run
   std::function<bool(double, const char *)> tick;  // done, what; false cancels
 };
 
