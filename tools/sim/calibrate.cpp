@@ -81,7 +81,7 @@ double residual_rms(const std::vector<Row> &rows, const std::vector<int> &column
 std::vector<Row> mechanical_rows(const Setup &setup, const std::vector<Truth> &truth, const std::vector<Reading> *readings, double shift) {
     const auto &d = setup.drive;
     const double dt = 1 / setup.sensors.rate_Hz;
-    const Window at(dt, 0.016, 0), mean(dt, 0.016, -0.5), &input = shift != 0 ? mean : at;
+    const Window at(dt, 0.016, 0), mean(dt, 0.016, -0.5), input(dt, 0.016, shift);
     const bool angle = setup.sensors.has_q;
     std::vector<Row> rows;
     const auto H = static_cast<std::size_t>(at.half);
@@ -112,8 +112,7 @@ std::vector<Row> mechanical_rows(const Setup &setup, const std::vector<Truth> &t
 std::vector<Row> electrical_rows(const Setup &setup, const std::vector<Truth> &truth, const std::vector<Reading> *readings, double shift) {
     const auto &d = setup.drive;
     const double dt = 1 / setup.sensors.rate_Hz, L = d.pmsm ? d.L_q : d.L, K = d.pmsm ? d.pole_pairs * d.psi : d.K_e;
-    const Window at(dt, 0.016, 0), mean(dt, 0.016, -0.5);
-    const Window &input = shift != 0 ? mean : at;
+    const Window at(dt, 0.016, 0), mean(dt, 0.016, -0.5), input(dt, 0.016, shift);
     std::vector<Row> rows;
     const auto H = static_cast<std::size_t>(at.half);
     for (std::size_t c = H; c + H < truth.size(); c += H / 2) {
@@ -146,7 +145,7 @@ Balance weigh(const Setup &setup, const std::vector<Truth> &truth, const std::ve
     auto clean = make(setup, truth, nullptr, 0);
     for (auto &row : clean) row[COLUMNS] = row[4];  // the hidden part itself against the nominal regressors
     out.structural = residual_rms(clean, nominal, nullptr);
-    for (double shift : {0.0, -0.5}) {  // a reading may stand for its instant or for the interval before it
+    for (double shift : {-0.5, -0.25, 0.0, 0.25, 0.5}) {  // a reading stands for some instant within half a sample of its stamp
         const auto noisy = make(setup, truth, &readings, shift);
         double t = 0;
         const double with = residual_rms(noisy, full, &t), without = residual_rms(noisy, nominal, nullptr);
