@@ -19,7 +19,18 @@ const char* drive_state_name(DriveState state) {
 }
 
 bool Drive::same_model(const Drive& o) const {
-    return memcmp(&model_, &o.model_, sizeof model_) == 0 && estimator_.size() == o.estimator_.size();
+    const auto same_params = [](const driveid_param* a, const driveid_param* b, uint32_t n) {
+        for (uint32_t k = 0; k < n; ++k)
+            if (strcmp(a[k].name, b[k].name) || a[k].state != b[k].state || a[k].value != b[k].value) return false;
+        return true;
+    };
+    const driveid_model &a = model_, &b = o.model_;
+    if (a.structure != b.structure || a.params != b.params || a.effects != b.effects || !same_params(a.param, b.param, a.params)) return false;
+    for (uint32_t e = 0; e < a.effects; ++e) {
+        const driveid_effect_use &x = a.effect[e], &y = b.effect[e];
+        if (strcmp(x.name, y.name) || strcmp(x.formula, y.formula) || x.params != y.params || !same_params(x.param, y.param, x.params)) return false;
+    }
+    return estimator_.size() == o.estimator_.size();
 }
 
 void Drive::take(const Drive& o) {
@@ -155,6 +166,7 @@ void Drive::gap(int source, uint64_t lost) {
 
 void Drive::restart() {
     driveid_estimator_restart(estimator());
+    online_ = fresh_online_;
     for (auto& s : can_) s.scaler.forget();
     for (auto& s : registers_) s.scaler.forget();
     aligner_.restart();
@@ -177,6 +189,7 @@ void Drive::sample(const driveid_sample& s) {
     if (aligner_.new_time_line()) {
         log_event(Level::warning, config_.name.c_str(), "time-line", "", "stamps went back for good: a new time line begins");
         driveid_estimator_restart(estimator());
+        online_ = fresh_online_;
         first_ns_ = next_report_ns_ = s.stamp.t_ns;
         mean_dt_s_ = jitter_ns_ = 0;
     } else {

@@ -100,7 +100,7 @@ private:
     int index_;
     DriveListener& listener_;
     driveid_model model_{};
-    driveid_online online_{};
+    driveid_online online_{}, fresh_online_{};   // fresh: as configured, without memory of samples
     std::vector<std::max_align_t> estimator_;
     driveid_estimate estimate_{};
     driveid_status status_ = DRIVEID_NOT_YET;

@@ -103,6 +103,7 @@ void Drive::make_estimator(uint32_t present) {
         const driveid_hold hold = c.hold == "zoh" ? DRIVEID_HOLD_ZERO : c.hold == "average" ? DRIVEID_HOLD_AVERAGE : DRIVEID_HOLD_FIRST;
         if (!c.hold.empty()) driveid_online_hold(&online_, signal, hold);  // a signal that the regression does not use has no hold
     }
+    fresh_online_ = online_;
     if (online_.present & ~present) throw std::runtime_error("a signal that the structure needs is not configured");
     const driveid_real type = config_.type == "f32" ? DRIVEID_F32 : config_.type == "q31" ? DRIVEID_Q31 : DRIVEID_F64;
     const size_t size = driveid_estimator_size(config_.method.c_str(), type);

@@ -55,7 +55,9 @@ TEST(HardwareToMonotonic, FollowsDriftAndTakesTheLeastLatency) {
         ASSERT_LE(s.t_ns, software);
         if (k > 2000) worst = std::max(worst, std::abs(double(s.t_ns - truth)));
     }
-    EXPECT_LT(worst, 60000) << "jitter of the software is taken off: 20 us of it stay, and what leaks in between two best ones";
+    // 20 us of latency are always there. The estimate leaks up 0.13 us a sample until a better one comes (chance x / 900 us):
+    // an overshoot of y has probability exp(-y^2 / (2 * 0.13 us * 900 us)), 1e-12 a sample at 80 us.
+    EXPECT_LT(worst, 100000);
 }
 
 TEST(HardwareToMonotonic, ARestartedCounterIsSeen) {

@@ -55,7 +55,7 @@ TEST(SlcanLine, ReadsAndWrites) {
     EXPECT_EQ(f.data[1], 0xBB);
     ASSERT_EQ(slcan_parse("T12ABCDEF80011223344556677", f), Slcan::frame);
     EXPECT_EQ(f.can_id, 0x12ABCDEFu | CAN_EFF_FLAG);
-    EXPECT_EQ(slcan_parse("t12310A1B2C", f), Slcan::broken);        // one digit too many for a stamp
+    EXPECT_EQ(slcan_parse("t12310A1B2", f), Slcan::broken);         // a stamp has four digits
     EXPECT_EQ(slcan_parse("t123100A1B2", f), Slcan::frame);         // with a time stamp
     ASSERT_EQ(slcan_parse("r1234", f), Slcan::frame);
     EXPECT_EQ(f.can_id, 0x123u | CAN_RTR_FLAG);

@@ -59,11 +59,8 @@ std::string can_sink(uint32_t id, bool extended = false) {
 
 // CiA 301: what a node obeys. Two parameters are sent, so the identifier after the first counts too.
 TEST(Transmit, RefusesEveryCanopenControlObject) {
-    for (uint32_t node = 1; node <= 127; ++node)
-        for (uint32_t base : {0x200u, 0x300u, 0x400u, 0x500u, 0x600u}) {
-            EXPECT_FALSE(Built(can_sink(base + node)).errors.empty()) << std::hex << base + node;
-            if (node % 16 != 1) node += 13;  // a sample of the nodes is enough for all five
-        }
+    for (uint32_t node : {1u, 2u, 64u, 127u})
+        for (uint32_t base : {0x200u, 0x300u, 0x400u, 0x500u, 0x600u}) EXPECT_FALSE(Built(can_sink(base + node)).errors.empty()) << std::hex << base + node;
     for (uint32_t id : {0x000u, 0x080u, 0x07Fu, 0x100u, 0x0FFu, 0x7E4u, 0x7E5u, 0x200u, 0x7FFu}) EXPECT_FALSE(Built(can_sink(id)).errors.empty()) << std::hex << id;
     for (uint32_t id : {0x5A0u, 0x700u, 0x7F0u, 0x190u, 0x680u}) EXPECT_TRUE(Built(can_sink(id)).errors.empty()) << std::hex << id;
 }

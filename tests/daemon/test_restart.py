@@ -1,0 +1,226 @@
+# SPDX-License-Identifier: Apache-2.0
+"""State over kill -9, reload, records over full disks, replay bit for bit."""
+import json
+import os
+import shutil
+import signal
+import struct
+import subprocess
+import time
+import zlib
+
+import pytest
+from gateway import DAEMON, SLOW, SOCKETPAIR, Axis, J, drive, near_truth, parameters
+
+STATE = '[state]\nfolder = "state"\nperiod_s = 0.1\n'
+
+
+def learnt(gateway, text):
+    (gateway.folder / "state").mkdir(exist_ok=True)
+    gateway.start(text)
+    gateway.feed(Axis(), 6000)
+    gateway.settle(6000)
+    gateway.until(lambda s: (gateway.folder / "state/state").exists() and "J_kgm2" in (gateway.folder / "state/state").read_text(), 10, "a saved state")
+    return parameters(gateway.status())
+
+
+def test_parameters_survive_a_kill_and_say_their_age(gateway):
+    text = STATE + SOCKETPAIR + drive()
+    before = learnt(gateway, text)
+    time.sleep(0.3)
+    gateway.process.kill()
+    gateway.process.wait()
+    time.sleep(0.5)
+    gateway.start(text)
+    after = parameters(gateway.status())
+    for name, p in before.items():
+        assert after[name]["value"] == p["value"] and after[name]["interval"] == p["interval"]
+        assert after[name]["valid"] is False, "old knowledge is shown, never as valid"
+        assert 0.3 < after[name]["age_s"] < 60 * SLOW
+    gateway.feed(Axis(), 6000)
+    gateway.settle(6000)
+    fresh = parameters(gateway.status())
+    assert fresh["J_kgm2"]["age_s"] < after["J_kgm2"]["age_s"] + 5
+
+
+def test_a_damaged_state_falls_back_to_the_one_before(gateway):
+    text = STATE + SOCKETPAIR + drive()
+    learnt(gateway, text)
+    gateway.until(lambda s: (gateway.folder / "state/state.old").exists() and "J_kgm2" in (gateway.folder / "state/state.old").read_text(), 10, "a previous state")
+    gateway.process.kill()
+    gateway.process.wait()
+    whole = (gateway.folder / "state/state").read_bytes()
+    old = (gateway.folder / "state/state.old").read_bytes()
+    # As a crash may leave it: nothing, cut anywhere, changed anywhere, or the file of the second rename missing.
+    for damage in (b"", whole[:10], whole[:-1], whole[: len(whole) // 2], whole[:40] + b"\x00" + whole[41:], None):
+        target = gateway.folder / "state/state"
+        target.unlink(missing_ok=True)
+        if damage is not None:
+            target.write_bytes(damage)
+        (gateway.folder / "state/state.old").write_bytes(old)
+        gateway.start(text)
+        assert parameters(gateway.status())["J_kgm2"]["value"] is not None, damage
+        gateway.process.kill()
+        gateway.process.wait()
+    (gateway.folder / "state/state").write_bytes(b"x")
+    (gateway.folder / "state/state.old").write_bytes(b"y")
+    gateway.start(text)
+    assert parameters(gateway.status())["J_kgm2"]["value"] is None
+
+
+def test_kill_at_any_moment_leaves_a_state_that_opens(gateway):
+    """Killed again and again while it saves as often as it can: one of the two files always opens."""
+    text = STATE.replace("0.1", "0.1") + SOCKETPAIR + drive()
+    learnt(gateway, text)
+    for k in range(8):
+        time.sleep(0.1 + 0.013 * k)
+        gateway.process.kill()
+        gateway.process.wait()
+        good = 0
+        for name in ("state", "state.old"):
+            path = gateway.folder / "state" / name
+            if path.exists():
+                head, _, body = path.read_bytes().partition(b"\n")
+                words = head.split()
+                good += words[:2] == [b"driveid-state", b"1"] and int(words[2], 16) == zlib.crc32(body) and int(words[3]) == len(body)
+        assert good >= 1
+        gateway.start(text)
+        assert parameters(gateway.status())["J_kgm2"]["value"] is not None
+
+
+def test_state_of_another_drive_is_not_taken(gateway):
+    learnt(gateway, STATE + SOCKETPAIR + drive())
+    gateway.process.kill()
+    gateway.process.wait()
+    gateway.start(STATE + SOCKETPAIR + drive(type="f32"))
+    assert parameters(gateway.status())["J_kgm2"]["value"] is None
+
+
+def reload(gateway, lines):
+    gateway.process.send_signal(signal.SIGHUP)
+    ends = time.monotonic() + 10 * SLOW
+    while gateway.text().count(lines) == 0:
+        assert time.monotonic() < ends and gateway.process.poll() is None, gateway.text()
+        time.sleep(0.02)
+
+
+def test_reload_keeps_what_is_unchanged_and_refuses_what_is_wrong(gateway):
+    gateway.start(SOCKETPAIR + drive(keys="stale_s = 1000"))
+    axis = Axis()
+    start = gateway.feed(axis, 6000)
+    before = parameters(gateway.settle(6000))
+    gateway.write(SOCKETPAIR + drive(keys="stale_s = 1000").replace("dt_s", "dts"))
+    reload(gateway, "did you mean")
+    assert parameters(gateway.status())["J_kgm2"]["value"] == before["J_kgm2"]["value"], "the old configuration goes on"
+    gateway.write(SOCKETPAIR + drive(keys="stale_s = 1000") + drive("axis2", can_id=0x201))
+    reload(gateway, "configuration reloaded")
+    status = gateway.status()
+    assert [d["name"] for d in status["drives"]] == ["axis1", "axis2"]
+    assert status["drives"][0]["samples"] == 6000 and near_truth(status)
+    gateway.feed(axis, 1000, start)
+    assert gateway.until(lambda s: s["drives"][0]["samples"] == 7000) and near_truth(gateway.status())
+
+
+def entries(path):
+    """Independent reader of docs/manual/record-format.md."""
+    data = path.read_bytes()
+    assert data[:8] == b"DRVIDREC"
+    _, length = struct.unpack_from("<II", data, 8)
+    at = 16 + length
+    out = []
+    while at + 24 <= len(data):
+        size, kind, clock, source, t_ns, err, crc = struct.unpack_from("<IBBHqII", data, at)
+        payload = data[at + 24:at + 24 + size]
+        assert zlib.crc32(payload, zlib.crc32(data[at:at + 20] + bytes(4))) == crc
+        out.append((kind, source, t_ns, payload))
+        at += 24 + size
+    assert at == len(data)
+    return json.loads(data[16:16 + length]), out
+
+
+def test_record_holds_everything_and_replays_bit_for_bit(gateway):
+    record = '[record]\nfolder = "."\nfile = "live.drec"\n'
+    gateway.start(record + SOCKETPAIR + drive())
+    axis = Axis()
+    sent = list(axis.frames(5000, time.monotonic_ns() - 6_000_000_000))
+    for message in sent:
+        gateway.bus[0].send(message)
+    live = gateway.settle(5000)
+    assert gateway.stop() == 0
+    header, live_entries = entries(gateway.folder / "live.drec")
+    frames = [(t, p) for kind, _, t, p in live_entries if kind == 1]
+    assert [(struct.unpack_from("<q", m, 16)[0], m[8:16]) for m in sent] == [(t, p[8:]) for t, p in frames]
+    assert header["sources"][0]["name"] == "bus" and "can_id" in header["config"]
+    samples = [p for kind, _, _, p in live_entries if kind == 3]
+    assert len(samples) == 5000 and all(struct.unpack_from("<I", p)[0].bit_count() == 2 for p in samples)
+
+    def replayed(name, speed):
+        gateway.write(record.replace("live", name) + drive() + f'[[source]]\nname = "bus"\nkind = "replay"\nfile = "live.drec"\nspeed = {speed}\n')
+        done = subprocess.run([DAEMON, "gw.toml", "--exit-at-end"], cwd=gateway.folder, capture_output=True, text=True, timeout=60 * SLOW)
+        assert done.returncode == 0, done.stderr
+        return entries(gateway.folder / f"{name}.drec")[1]
+
+    def numbers(list_of_entries):
+        estimates = [json.loads(p) for kind, _, _, p in list_of_entries if kind == 6]
+        return [(e["t_ns"], [(p["value"], p["interval"]) for p in e["parameters"]]) for e in estimates], [p for kind, _, _, p in list_of_entries if kind == 3]
+
+    fast, again, paced = replayed("fast", "0.0"), replayed("again", "0.0"), replayed("paced", "20.0")
+    assert fast and [e for e in fast if e[0] in (1, 3, 6)] == [e for e in again if e[0] in (1, 3, 6)], "the same bits each run"
+    assert numbers(fast) == numbers(live_entries), "replay gives the live numbers"
+    assert numbers(paced) == numbers(live_entries)
+    assert live["drives"][0]["samples"] == 5000
+
+
+def test_replay_keeps_its_pace(gateway):
+    lines, axis = [], Axis()
+    for message in axis.frames(1000, 1_700_000_000_000_000_000):
+        stamp = struct.unpack_from("<q", message, 16)[0]
+        lines.append(f"({stamp // 10**9}.{stamp % 10**9 // 1000:06d}) vcan0 181#{message[8:16].hex().upper()}")
+    lines[500:500] = ["garbage", "(1.0) vcan0 XYZ#00"]
+    (gateway.folder / "run.log").write_text("\n".join(lines) + "\n")
+    for speed, least, most in ((1.0, 0.99, 3), (4.0, 0.24, 2)):
+        gateway.write('[[source]]\nname = "bus"\nkind = "replay"\nfile = "run.log"\nspeed = %s\n' % speed + drive())
+        began = time.monotonic()
+        done = subprocess.run([DAEMON, "gw.toml", "--exit-at-end"], cwd=gateway.folder, capture_output=True, text=True, timeout=60)
+        assert done.returncode == 0 and least < time.monotonic() - began < most * SLOW
+        assert "no candump frame" in done.stderr
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="mounts a small tmpfs: needs root")
+def test_full_and_read_only_disk(gateway):
+    disk = gateway.folder / "disk"
+    disk.mkdir()
+    if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=256k", "none", disk], capture_output=True).returncode:
+        pytest.skip("tmpfs cannot be mounted here")
+    try:
+        gateway.start(f'[record]\nfolder = "{disk}"\nbuffer_bytes = 65536\n[state]\nfolder = "{disk}"\nperiod_s = 0.1\n' + SOCKETPAIR + drive(keys="stale_s = 1000")
+                      + '[[sink]]\nname = "rec"\nkind = "record"\nfile = "run.drec"\n')
+        axis = Axis()
+        start = time.monotonic_ns() - 30_000_000_000
+        gateway.feed(axis, 8000, start)
+        status = gateway.until(lambda s: s["sinks"][0]["state"] == "error" and s["sinks"][0]["dropped"] > 0, 20)
+        assert "space" in status["sinks"][0]["last_error"]
+        assert near_truth(gateway.settle(8000)), "identification goes on"
+        gateway.until(lambda s: "state" in gateway.text() and "No space" in gateway.text())
+        (disk / "big").unlink(missing_ok=True)
+        subprocess.run(["mount", "-o", "remount,size=8m", disk], check=True)
+        gateway.until(lambda s: s["sinks"][0]["state"] == "open", 10, "room again")
+        gateway.feed(axis, 1000, start)
+        gateway.settle(9000)
+        gateway.until(lambda s: (disk / "state").exists(), 10, "state saved again")
+        subprocess.run(["mount", "-o", "remount,ro", disk], capture_output=True)
+        gateway.feed(axis, 1000, start)
+        assert near_truth(gateway.settle(10000))
+        assert gateway.stop() == 0
+        header, kept = entries(disk / "run.drec")
+        assert header and kept and kept[-1][2] > kept[0][2]
+    finally:
+        subprocess.run(["umount", "-l", disk], capture_output=True)
+        shutil.rmtree(disk, ignore_errors=True)
+
+
+def test_missing_record_is_told_and_survived(gateway):
+    gateway.start('[[source]]\nname = "bus"\nkind = "replay"\nfile = "none.drec"\n' + drive(), buses=0)
+    source = gateway.status()["sources"][0]
+    assert source["state"] == "closed" and "none.drec" in source["last_error"]
+    assert J > 0
