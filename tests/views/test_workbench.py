@@ -11,7 +11,7 @@ from driveid.views.workbench.projects import bundled_example
 SHOTS = os.environ.get("DRIVEID_SCREENSHOTS")
 READY = {
     "compare": "document.querySelectorAll('.uplot').length >= 2 && document.querySelectorAll('table').length >= 1",
-    "where": "document.querySelectorAll('.clouds canvas').length >= 5 && document.querySelectorAll('.bars .track').length >= 1",
+    "where": "document.querySelectorAll('.clouds canvas').length >= 5 && document.querySelectorAll('.bars .track, .where .card > div > p.soft').length >= 1",
     "missing": "document.querySelectorAll('.candidate svg.plot').length >= 1",
     "falls": "document.querySelectorAll('[data-steps] svg.plot').length === 1 && document.querySelectorAll('table').length >= 1",
 }

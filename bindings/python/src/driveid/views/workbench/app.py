@@ -89,6 +89,10 @@ class Workbench:
         head, arrays = await self._answer(request, lambda tell: pages.cloud_page(self.engine, project, chain, record, equation, tell))
         return Response(pack(head, arrays), media_type="application/octet-stream")
 
+    async def regimes(self, request: Request) -> Response:
+        project, chain = self._project(request), self._chain(request.query_params.get("add", ""))
+        return JSONResponse(await self._answer(request, lambda tell: pages.regimes_page(self.engine, project, chain, tell)))
+
     async def missing(self, request: Request) -> Response:
         project, chain = self._project(request), self._chain(request.query_params.get("add", ""))
         return JSONResponse(await self._answer(request, lambda tell: pages.missing_page(self.engine, project, chain, tell)))
@@ -146,7 +150,7 @@ class Workbench:
     # Application --------------------------------------------------------------------------------------------------
 
     def application(self) -> Starlette:
-        api = [Route(f"/{name}", getattr(self, name)) for name in ("project", "compare", "trace", "where", "missing", "evidence", "falls", "improve", "known")]
+        api = [Route(f"/{name}", getattr(self, name)) for name in ("project", "compare", "trace", "where", "regimes", "missing", "evidence", "falls", "improve", "known")]
         api += [Route("/open", self.open, methods=["POST"]), Route("/export/{what}", self.export)]
         static = StaticFiles(directory=str(resources.files("driveid.views").joinpath("static")))
         routes = [Route("/", self.home), *[Route(f"/{p}", self.page) for p in PAGES], Mount("/api", routes=api), Mount("/static", static), WebSocketRoute("/ws/live", self.live.serve)]

@@ -61,9 +61,11 @@ class Engine:
             return {"message": str(error), **error.document}
 
     def fitted(self, project: Project, chain: Chain, progress: Progress) -> dict:
-        """Fit of the chain's model; the document carries ``model_toml``."""
+        """Fit of the chain's model; the document carries ``model_toml``. A model that came with all its values is shown as it came."""
         def work(tell: Progress) -> dict:
             model = project.model_toml
+            if not chain and not self._unset(model):
+                return {"model_toml": model}
             if chain:
                 model = self.add(self.fitted(project, chain[:-1], tell)["model_toml"], chain[-1])
             tell(0.1, f"fitting {' + '.join(chain) or 'the model'}")
@@ -73,6 +75,11 @@ class Engine:
             return document
 
         return self._once((project.id, chain, "fit"), work, progress)
+
+    @staticmethod
+    def _unset(model_toml: str) -> bool:
+        model = Model(model_toml)
+        return any(p.state == "unset" for group in (model.parameters, *(e.parameters for e in model.effects)) for p in group.values())
 
     def model_toml(self, project: Project, chain: Chain, progress: Progress) -> str:
         return self.fitted(project, chain, progress)["model_toml"]

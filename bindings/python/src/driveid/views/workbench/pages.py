@@ -9,7 +9,7 @@ import numpy as np
 
 from .. import model as view
 from .. import pieces, units
-from ..clouds import Coordinate, coordinates, spectrum
+from ..clouds import coordinates, spectrum
 from ..decimate import Pyramid, trace
 from ..series import Curve, Series
 from .engine import Chain, Engine, Trouble
@@ -141,8 +141,6 @@ def cloud_page(engine: Engine, project: Project, chain: Chain, record: int, equa
     residual = series.balance(equation)
     if residual is None:
         raise Trouble("this record gives no residual: the model predicts none of its signals")
-    doc = view.document(engine.compared(project, chain, tell))
-    regimes = _regimes(engine, project, chain, doc, tell)
     known = coordinates(series)
     finite = np.flatnonzero(np.isfinite(residual.values))
     if finite.size == 0:
@@ -152,24 +150,25 @@ def cloud_page(engine: Engine, project: Project, chain: Chain, record: int, equa
     arrays = {"t": series.t_s[keep], "residual": residual.values[keep]}
     arrays |= {c.key: c.values[keep] for c in known if c.key != "t_s"} | {"frequency": frequency, "amplitude": amplitude}
     head = {"unit": units.pretty_unit(residual.unit), "coordinates": [{"key": c.key, "title": c.title, "unit": c.unit} for c in known],
-            "regimes": pieces.regimes(regimes), "regime_boxes": [_box(r, known) for r in regimes[:10]], "points": int(keep.size), "rows": len(series.t_s),
-            "equations": [{"name": c.name, "title": c.title} for c in series.balances()], "equation": residual.name}
+            "points": int(keep.size), "rows": len(series.t_s), "equations": [{"name": c.name, "title": c.title} for c in series.balances()], "equation": residual.name}
     return head, arrays
 
 
-def _regimes(engine: Engine, project: Project, chain: Chain, doc: view.Document, tell: Progress) -> list[view.Regime]:
-    return doc.regimes or view.document(engine.explained(project, chain, tell)).regimes
+def regimes_page(engine: Engine, project: Project, chain: Chain, tell: Progress) -> dict:
+    """Which part of the records holds the error: the explanation knows it, the clouds need not wait for it."""
+    regimes = view.document(engine.explained(project, chain, tell)).regimes
+    return {"html": pieces.regimes(regimes), "boxes": [_box(r) for r in regimes[:10]]}
 
 
 _CLOUD_OF_AXIS = {"speed": "speed", "acceleration": "acceleration", "current": "current", "drive": "current", "temperature": "temperature", "time": "t_s", "position": "position"}
 
 
-def _box(regime: view.Regime, known: list[Coordinate]) -> dict | None:
+def _box(regime: view.Regime) -> dict | None:
     """The cloud and range that a regime stands for, so that a click on it selects its points."""
     if regime.axis == "direction":
         return {"key": "direction", "lo": 0.5, "hi": 1.5} if regime.label == "forward" else {"key": "direction", "lo": -1.5, "hi": -0.5}
     key = _CLOUD_OF_AXIS.get(regime.axis)
-    if regime.lo is None or key not in {c.key for c in known}:
+    if regime.lo is None or key is None:
         return None
     return {"key": key, "lo": regime.lo, "hi": regime.hi, "abs": regime.axis in ("speed", "acceleration", "current", "drive")}
 

@@ -18,7 +18,7 @@ export function mount(place, { project, signal }) {
   into(body, signal, "looking where it fails", async (options) => {
     const { head, arrays } = await api.binary("where", { p: project.id, add: state.get("add"), r: record, eq: state.get("eq") }, options);
     if (head.equations.length > 1) pick.replaceChildren(el("select", { "aria-label": "which equation", onchange: (e) => state.go({ eq: e.target.value, sel: null }) }, ...head.equations.map((q) => el("option", { value: q.name, selected: q.name === head.equation }, q.title))));
-    const time = el("section.card.tight"), grid = el("div.clouds"), bars = el("section.card", { html: `<h2>What holds the error</h2>${head.regimes}` });
+    const time = el("section.card.tight"), grid = el("div.clouds"), held = el("div"), bars = el("section.card", {}, el("h2", {}, "What holds the error"), held);
     body.replaceChildren(el("div.where", {}, bars, el("div", {}, time, grid)));
     const y = arrays.residual, mask = new Uint8Array(y.length), lit = new Float32Array(y.length).fill(NaN);
     time.append(el("div.cap", {}, el("b", {}, "residual against time"), el("span", {}, `${head.points.toLocaleString("en")} of ${head.rows.toLocaleString("en")} samples`)));
@@ -55,13 +55,17 @@ export function mount(place, { project, signal }) {
       if (remember) state.keep({ sel: box ? [box.abs ? `${box.key}|` : box.key, ...[box.x0, box.x1, box.y0, box.y1].map((v) => (Number.isFinite(v) ? v.toPrecision(5) : v > 0 ? "inf" : "-inf"))].join(",") : null });
     }
     act = choose;
-    const spans = [...bars.querySelectorAll(".coordinate")];
-    head.regime_boxes.forEach((box, k) => {
-      if (!box || !spans[k]) return;
-      spans[k].classList.add("pick");
-      Object.assign(spans[k], { title: "show these points", tabIndex: 0, role: "button" });
-      spans[k].addEventListener("keydown", (e) => e.key === "Enter" && spans[k].click());
-      spans[k].addEventListener("click", () => choose({ key: box.key, x0: box.lo, x1: box.hi, y0: -Infinity, y1: Infinity, abs: box.abs }));
+    into(held, signal, "asking which part holds the error", async (o) => {
+      const { html, boxes } = await api.json("regimes", { p: project.id, add: state.get("add") }, o);
+      const list = el("div", { html }), spans = [...list.querySelectorAll(".coordinate")];
+      boxes.forEach((box, k) => {
+        if (!box || !spans[k] || !column(box.key)) return;
+        spans[k].classList.add("pick");
+        Object.assign(spans[k], { title: "show these points", tabIndex: 0, role: "button" });
+        spans[k].addEventListener("keydown", (e) => e.key === "Enter" && spans[k].click());
+        spans[k].addEventListener("click", () => choose({ key: box.key, x0: box.lo, x1: box.hi, y0: -Infinity, y1: Infinity, abs: box.abs }));
+      });
+      return list;
     });
     const [named, ...edges] = state.list("sel"), abs = named?.endsWith("|"), key = named?.replace("|", "");
     const number = (s) => (s === "inf" ? Infinity : s === "-inf" ? -Infinity : Number(s));
