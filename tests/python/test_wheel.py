@@ -2,6 +2,7 @@
 """The package as a stranger gets it: a wheel, installed into an environment of its own, which answers without the source tree."""
 
 import os
+import shutil
 import subprocess
 import sys
 import sysconfig
@@ -18,8 +19,10 @@ def wheel(tmp_path_factory):
     """Built in a folder that stays, so that only the first time compiles everything (with ccache not even that)."""
     folder = tmp_path_factory.mktemp("wheel")
     build = Path(os.environ.get("DRIVEID_WHEEL_BUILD", TOP / "build-wheel"))
+    ccache = shutil.which("ccache")
+    env = os.environ | ({"CMAKE_C_COMPILER_LAUNCHER": ccache, "CMAKE_CXX_COMPILER_LAUNCHER": ccache, "CCACHE_BASEDIR": str(TOP), "CCACHE_NOHASHDIR": "1"} if ccache else {})
     done = subprocess.run([sys.executable, "-m", "pip", "wheel", "--no-build-isolation", "--no-deps", "--no-index", "-q", "-C", f"build-dir={build}", "-w", folder, TOP / "bindings" / "python"],
-                          capture_output=True, text=True, stdin=subprocess.DEVNULL)
+                          capture_output=True, text=True, stdin=subprocess.DEVNULL, env=env)
     assert done.returncode == 0, (done.stdout + done.stderr)[-4000:]
     found = list(folder.glob("*.whl"))
     assert len(found) == 1
