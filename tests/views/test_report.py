@@ -95,3 +95,12 @@ def test_print_style_gives_a_pdf(tmp_path, chromium):
     pdf = page.pdf(prefer_css_page_size=True)
     page.close()
     assert pdf.startswith(b"%PDF") and 20_000 < len(pdf) < 3_000_000 and complaints == []
+
+
+def test_power_report_says_what_would_be_missed():
+    document = example._common([]) | {"effects": [
+        {"effect": "coulomb", "equation": "torque", "found": True, "smallest": {"tau_c_Nm": {"value": 4e-4, "unit": "N m"}}, "rms": 4e-4, "unit": "N m", "times_floor": 1.3},
+        {"effect": "cogging", "equation": "torque", "found": False, "why": "this motion does not show it at any size; record: slow turns"}]}
+    text = report.html(document, [], "driveid power")
+    for words in ("How small an effect", "400 µN·m", "1.3 × floor", "would be missed", "slow turns"):
+        assert words in text, words

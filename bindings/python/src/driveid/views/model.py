@@ -281,6 +281,21 @@ class Step:
 
 
 @dataclass(frozen=True)
+class Revealed:
+    """The smallest size of an effect that these records would reveal, or why none would."""
+
+    effect: str
+    found: bool
+    smallest: list[Parameter]
+    times_floor: float | None
+    why: str = ""
+
+    @property
+    def title(self) -> str:
+        return effect_title(self.effect)
+
+
+@dataclass(frozen=True)
 class Document:
     """Everything that one answer of driveid says, made ready to be shown."""
 
@@ -296,6 +311,7 @@ class Document:
     ends: str
     parameters: list[Parameter]
     notices: list[str]
+    power: list[Revealed]
     raw: dict
 
 
@@ -304,6 +320,8 @@ def kind_of(data: dict) -> str:
         return "improve"
     if "ranked" in data:
         return "explain"
+    if isinstance(data.get("effects"), list):
+        return "power"
     if "free_run_rmse" in data or any("tests" in r or "free_run" in r for r in data.get("records") or [] if isinstance(r, dict)):
         return "compare"
     return "fit"
@@ -411,6 +429,11 @@ def _notices(data: dict) -> list[str]:
     return list(dict.fromkeys(texts))
 
 
+def _power(data: dict) -> list[Revealed]:
+    return [Revealed(str(e.get("effect", "")), bool(e.get("found")), parameters_of(e.get("smallest")), _number(e.get("times_floor")), str(e.get("why") or ""))
+            for e in data.get("effects") or [] if isinstance(e, dict)]
+
+
 def document(data: dict) -> Document:
     """View data of one JSON document."""
     model = Model.of(data.get("model_toml") or data.get("final_model") or data.get("model"))
@@ -420,4 +443,4 @@ def document(data: dict) -> Document:
         kind=kind_of(data), version=str(data.get("driveid", "")), model=model,
         records=[Record.of(r) for r in data.get("records") or [] if isinstance(r, dict)],
         errors=_errors(data), tests=_tests(data), regimes=regimes_of(where), answer=_answer(data), steps=_steps(data),
-        ends=str(data.get("ends") or ""), parameters=parameters, notices=_notices(data), raw=data)
+        ends=str(data.get("ends") or ""), parameters=parameters, notices=_notices(data), power=_power(data), raw=data)

@@ -22,6 +22,8 @@ def html(document: dict, series: list = ()) -> str:
         parts.append(pieces.staircase(doc.steps))
     if doc.kind in ("fit", "improve"):
         parts.append(pieces.parameters(doc.parameters))
+    if doc.kind == "power":
+        parts.append(pieces.power(doc.power))
     if doc.kind == "compare":
         parts.append(pieces.errors(doc.errors))
         parts.append(pieces.regimes(doc.regimes, 5))

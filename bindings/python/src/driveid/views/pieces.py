@@ -9,7 +9,7 @@ import numpy as np
 
 from . import units
 from .figure import Axis, Figure
-from .model import ERROR_KINDS, Answer, Candidate, Document, Error, ErrorSet, NextRecord, Parameter, Record, Regime, Shape, Step, Test, effect_title
+from .model import ERROR_KINDS, Answer, Candidate, Document, Error, ErrorSet, NextRecord, Parameter, Record, Regime, Revealed, Shape, Step, Test, effect_title
 
 
 def tag(text: str, kind: str = "soft") -> str:
@@ -126,6 +126,16 @@ def candidate_rows(items: list[Candidate]) -> str:
         rows.append([f'<b>{escape(c.title)}</b><br><code class="soft">{escape(c.equation or c.effect)}</code>', verdict, units.percent(c.share),
                      units.percent(c.confidence) if c.confidence is not None and c.accepted else "", values or escape(c.why), ties])
     return table(["effect", "", "explains", "confidence", "parameters", ""], rows, {2, 3}) if rows else ""
+
+
+def power(items: list[Revealed]) -> str:
+    """What these records could show: the smallest size of each effect, the easiest first, then what they would miss."""
+    rows = []
+    for r in sorted(items, key=lambda r: (not r.found, r.times_floor or 0.0)):
+        size = "; ".join(f"{units.symbol_html(p.name)} = {escape(p.text)}" for p in r.smallest)
+        times = f"{r.times_floor:.2g} × floor" if r.times_floor is not None else ""
+        rows.append([f"<b>{escape(r.title)}</b>", tag("would be found", "good") if r.found else tag("would be missed", "warn"), size or escape(r.why), times])
+    return table(["effect", "", "smallest size", "its part of the error"], rows, {3}) if rows else ""
 
 
 def next_record(item: NextRecord) -> str:

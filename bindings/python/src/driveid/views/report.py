@@ -18,6 +18,7 @@ QUESTIONS = {
     "fit": "Which parameters make this model follow these records?",
     "compare": "Does this model follow these records, and where not?",
     "explain": "Which physical effect does this model lack?",
+    "power": "How small an effect would these records reveal?",
     "improve": "Which effects must be added until only noise is left?",
 }
 
@@ -89,6 +90,7 @@ def body(document: dict, series: list[Series] = (), command: str = "", title: st
         f"<header><h1>{escape(title or QUESTIONS[doc.kind])}</h1>{pieces.summary(doc)}</header>",
         answer,
         _card("The error falls", stairs),
+        _card("What would be found", pieces.power(doc.power) if doc.kind == "power" else ""),
         _card("Parameters", pieces.parameters(doc.parameters) if doc.parameters else ""),
         _card("Comparison", pieces.errors(doc.errors) + _plots(list(series), doc) + notices),
         _card("Tests of the residual", pieces.tests(doc.tests)),
