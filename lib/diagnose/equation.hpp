@@ -36,6 +36,7 @@ struct Track {                     // one piece of one record in one equation
   std::vector<double> position;    // fine grid, as measured (or integrated speed)
   std::vector<double> speed_raw;   // only where speed is what is measured
   std::vector<double> drive_raw;   // driving channel as logged, before the input shift
+  std::vector<double> current_raw; // voltage equations: the current as logged (states carry it smoothed)
   std::vector<unsigned char> rest; // 1: the axis does not measurably move
   std::vector<int> row;            // centres of the rows on the fine grid
   std::vector<int> run;            // run number of each row: rows of one run are evenly spaced, without a hole
@@ -54,6 +55,7 @@ struct Equation {
   driveid_frame frame = DRIVEID_FRAME_TORQUE;
   char drive_unit = 'A';
   double gain = 1;
+  double quantum = 0;              // step of the position's quantisation, or six times its noise where that is more; 0 where speed is measured
   double input_shift_s = 0;        // time to add to the stamps of the input: +dt/2 held, -dt/2 averaged over the sample before
   std::vector<Track> tracks;
   std::size_t rows = 0;
@@ -62,7 +64,7 @@ struct Equation {
   Eigen::MatrixXd base;            // free nominal columns, raw rows
   std::vector<BaseColumn> base_column;
   double floor_lo = 0;             // propagated sensor noise and quantisation, at these rows (RMS)
-  Eigen::VectorXd pos_noise_gain;  // noise variance of each base column from the position noise (errors in variables)
+  double noise_motion = 0, noise_drive = 0;   // variances of white noise on the position (or speed) and on the drive (floor.hpp)
   // whitening: e_k - sum ar_j e_{k-j} inside each run
   std::vector<double> ar;
   std::vector<int> block;          // cross-validation block of each row

@@ -243,10 +243,11 @@ void detect_hold(Equation &e, double dt, const std::string &told, std::vector<No
   x.col(e.base.cols() + 1).setOnes();
   x.col(e.base.cols() + 2) = stack(e, [](const Track &t, std::vector<double> &f) { f.resize(t.state.size()); for (std::size_t k = 0; k < f.size(); ++k) f[k] = std::fabs(t.state[k].speed) * t.state[k].speed; }, 0);
   Eigen::VectorXd known = delayed_target(e, 0) - e.y;   // given terms, not shifted
+  // In a voltage equation half a sample is nearly collinear with R i: the mean over the sample is assumed unless the data object.
   double best = INFINITY, chosen = 0;
-  for (double s : {0.0, -0.5, 0.5}) {
+  for (double s : e.electrical ? std::vector<double>{-0.5, 0.0, 0.5} : std::vector<double>{0.0, -0.5, 0.5}) {
     double r = rms_with(e, x, delayed_target(e, s * dt) - known);
-    if (r < (s == 0.0 ? 1.0 : 0.9995) * best) best = r, chosen = s;
+    if (r < (best == INFINITY ? 1.0 : e.electrical ? 0.98 : 0.9995) * best) best = r, chosen = s;
   }
   e.input_shift_s = chosen * dt;
   const char *what = chosen < 0 ? "averaged over the sample before its stamp" : chosen > 0 ? "held from its stamp to the next" : "an instant value at its stamp";
@@ -315,6 +316,10 @@ Equation mechanical(const driveid_model &model, const std::vector<Source> &sourc
             : e.unit == "A"          ? (linear ? DRIVEID_FRAME_AMPERE_LINEAR : DRIVEID_FRAME_AMPERE)
             : linear                 ? DRIVEID_FRAME_FORCE : DRIVEID_FRAME_TORQUE;
   e.drive_unit = roles.input == "v_V" ? 'V' : roles.input == "tau_Nm" || roles.input == "F_N" ? 'N' : 'A';
+  if (!roles.position.empty()) {
+    const SignalQuality &q = sources[0].record->quality.at(roles.position);
+    e.quantum = std::max(q.quantum, 6 * q.noise);
+  }
   double width = choose_width(sources[0]);
   int step = row_step(sources, width), run = 0;
   for (int pass = 0; pass < 2; ++pass) {   // the second pass keeps rests where nearly nothing else is there
@@ -374,7 +379,7 @@ Equation dc_voltage(const driveid_model &model, const std::vector<Source> &sourc
   e.unit = "V";
   e.electrical = true;
   e.drive_unit = 'V';
-  const double dt0 = sources[0].record->dt_s, width = 5 * dt0;
+  const double dt0 = sources[0].record->dt_s, width = std::max(5 * dt0, 0.012);
   int step = row_step(sources, width), run = 0;
   for (const Source &s : sources) {
     double dt = s.record->dt_s;
@@ -396,14 +401,15 @@ Equation dc_voltage(const driveid_model &model, const std::vector<Source> &sourc
       t.speed_raw = f.raw_speed;
       t.drive_raw = p.signal.at("v_V");
       t.rest.assign(p.n, 0);
-      fill_states(t, p, f, t.drive_raw, 1, 0, p.signal.at("i_A"), temperature_of(p), true, 1);
+      t.current_raw = p.signal.at("i_A");
+      fill_states(t, p, f, t.drive_raw, 1, 0, convolve_all(t.current_raw, make_kernel(std::max(2, half / 2), dt), 0), temperature_of(p), true, 1);
       place_rows(t, p, step, false, run);
       e.tracks.push_back(std::move(t));
     }
   }
   finish(e);
   if (e.rows < 60) return e;
-  FineSignal current = [](const Track &t, std::vector<double> &f) { f.resize(t.state.size()); for (std::size_t k = 0; k < f.size(); ++k) f[k] = t.state[k].current_A; };
+  FineSignal current = [](const Track &t, std::vector<double> &f) { f = t.current_raw; };
   add_base(e, model, "R_ohm", current, 0);
   add_base(e, model, "L_H", current, 1);
   if (!e.tracks[0].position.empty()) {
@@ -428,7 +434,7 @@ Equation dq_voltage(const driveid_model &model, const std::vector<Source> &sourc
   e.drive_unit = 'V';
   const driveid_param *pp = parameter(model, "pole_pairs");
   const double pairs = pp && pp->state != DRIVEID_PARAM_UNSET ? pp->value : 1;
-  const double dt0 = sources[0].record->dt_s, width = 5 * dt0;
+  const double dt0 = sources[0].record->dt_s, width = std::max(5 * dt0, 0.012);
   int step = 2 * row_step(sources, width), run = 0;
   std::vector<std::vector<double>> id, iq, we;   // by track
   for (int part = 0; part < 2; ++part)
@@ -450,7 +456,8 @@ Equation dq_voltage(const driveid_model &model, const std::vector<Source> &sourc
         t.speed_raw = f.raw_speed;
         t.drive_raw = p.signal.at(part ? "v_q_V" : "v_d_V");
         t.rest.assign(p.n, 0);
-        fill_states(t, p, f, t.drive_raw, 1, 0, p.signal.at(part ? "i_q_A" : "i_d_A"), temperature_of(p), true, 1);
+        t.current_raw = p.signal.at(part ? "i_q_A" : "i_d_A");
+        fill_states(t, p, f, t.drive_raw, 1, 0, convolve_all(t.current_raw, make_kernel(std::max(2, half / 2), dt), 0), temperature_of(p), true, 1);
         place_rows(t, p, step, false, run);
         id.push_back(p.signal.at("i_d_A"));
         iq.push_back(p.signal.at("i_q_A"));

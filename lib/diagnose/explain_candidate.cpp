@@ -129,7 +129,7 @@ std::vector<Candidate> make_candidates(const Equation &e) {
           x.grid = logarithmic(x.lo, x.hi, info->shapes > 2 ? 5 : 12);
           break;
         case DRIVEID_DIM_LENGTH:
-          x.lo = std::max(s.lo, 1e-6 * range);
+          x.lo = std::max({s.lo, 1e-6 * range, 0.5 * e.quantum});
           x.hi = std::max(2 * x.lo, std::min(s.hi, 0.5 * range));
           if (info->shapes > 2) x.hi = std::max(2 * x.lo, std::min(x.hi, rotary ? 0.02 : 2e-4));
           x.grid = logarithmic(std::max(x.lo, info->shapes > 2 ? 1e-3 * x.hi : 3e-4 * x.hi), x.hi, info->shapes > 2 ? 6 : 14);
@@ -180,8 +180,8 @@ std::vector<Candidate> make_candidates(const Equation &e) {
     if (is(c, "delay")) {
       double most = std::max(60 * r.dt, 3 * r.kernel_s);
       std::vector<double> g;
-      for (double d = 0.5; d * r.dt <= most; d *= 1.3) g.push_back(d * r.dt);
-      axis(0, most, false, std::move(g));
+      for (double d = 0.7; d * r.dt <= most; d *= 1.3) g.push_back(d * r.dt);
+      axis(0.6 * r.dt, most, false, std::move(g));   // less is a matter of how the input was read
       c.columns = 0;
     } else if (is(c, "encoder_eccentricity")) {
       c.columns = 2;
@@ -189,14 +189,15 @@ std::vector<Candidate> make_candidates(const Equation &e) {
       double hi = 0.35 * kTwoPi / r.dt, lo = kTwoPi * std::max(0.5, 4 / std::max(r.span, 1.0));
       hi = std::min(hi, kTwoPi * 1.2 / r.kernel_s * 2);
       axis(lo, hi, true, logarithmic(lo * 2, hi, 18));
-      axis(0.002, 1.5, true, {0.01, 0.05, 0.25});
+      axis(0.002, 0.6, true, {0.01, 0.05, 0.25});
       c.columns = 1;
     } else if (is(c, "backlash")) {
       double hi = 0.35 * kTwoPi / r.dt;
       hi = std::min(hi, kTwoPi * 3 / r.kernel_s);
-      axis(1e-5, 0.3 * range, true, logarithmic(2e-4, std::min(0.2, 0.2 * range), 10));
+      const double least = std::max(1e-5 * range, 3 * e.quantum), most = std::max(4 * least, std::min(0.2, 0.2 * range));
+      axis(least, 2 * most, true, logarithmic(least * 1.5, most, 9));
       axis(kTwoPi * 4, hi, true, logarithmic(kTwoPi * 15, hi, 4));
-      axis(0.01, 1.5, true, {0.08, 0.5});
+      axis(0.01, 0.9, true, {0.08, 0.4});
       c.columns = 1;
     }
     if (c.columns == 0 && !is(c, "delay")) continue;
@@ -291,6 +292,65 @@ Term realise(const Equation &e, const Candidate &c, const std::vector<double> &s
     term.column = std::move(m);
   }
   return term;
+}
+
+double noise_ratio(const Equation &e, const Candidate &c, const std::vector<double> &shape, const Eigen::VectorXd &linear, double inertia, double damping) {
+  if (!is(c, "compliance") && !is(c, "backlash")) return 1;
+  if (!(e.noise_motion > 0) || linear.size() == 0) return 1;
+  const bool gap = is(c, "backlash");
+  const Track &t0 = e.tracks[0];
+  const int step = t0.row.size() > 1 ? std::max(1, t0.row[1] - t0.row[0]) : 1, half = t0.kernel.half, p = int(e.ar.size());
+  // response of the load to one wrong position sample (a closed gap is the worst case for filtering)
+  Track pulse;
+  pulse.dt_s = t0.dt_s;
+  const int before = 2, after = std::min(4000, std::max(400, int(8 / (std::max(0.02, shape[gap ? 2 : 1]) * shape[gap ? 1 : 0] * t0.dt_s))));
+  pulse.position.assign(std::size_t(before + after), 0.0);
+  pulse.position[before] = 1;
+  std::vector<double> x;
+  load_position(pulse, shape[gap ? 1 : 0], shape[gap ? 2 : 1], 0, x);
+  const bool from_speed = !t0.speed_raw.empty();
+  const int margin = half + p * step, length = before + after + 2 * margin;
+  std::vector<double> rigid(std::size_t(length), 0.0), spring(std::size_t(length), 0.0), drive(std::size_t(length), 0.0);
+  const auto &wa = t0.kernel.w[from_speed ? 1 : 2], &wb = t0.kernel.w[from_speed ? 0 : 1];
+  for (int k = 0; k <= 2 * half; ++k) {
+    rigid[std::size_t(before + k)] += inertia * wa[std::size_t(k)] + damping * wb[std::size_t(k)];
+    drive[std::size_t(before + k)] += e.gain * t0.kernel.w[0][std::size_t(k)];
+  }
+  for (int m = 0; m < before + after; ++m) {
+    double d = x[std::size_t(m)] - pulse.position[std::size_t(m)];
+    if (d == 0) continue;
+    for (int k = 0; k <= 2 * half; ++k) spring[std::size_t(m + k)] += linear[0] * d * wa[std::size_t(k)];
+  }
+  double with = 0, without = 0;
+  for (int k = 0; k < length; ++k) {
+    double r = rigid[std::size_t(k)], s = spring[std::size_t(k)], d = drive[std::size_t(k)];
+    for (int j = 1; j <= p && k - j * step >= 0; ++j) {
+      double a = e.ar[std::size_t(j - 1)];
+      r -= a * rigid[std::size_t(k - j * step)];
+      s -= a * spring[std::size_t(k - j * step)];
+      d -= a * drive[std::size_t(k - j * step)];
+    }
+    without += e.noise_motion * r * r + e.noise_drive * d * d;
+    with += e.noise_motion * (r + s) * (r + s) + e.noise_drive * d * d;
+  }
+  return without > 0 ? with / without : 1;
+}
+
+Eigen::VectorXd spring_on_drive(const Equation &e, double inertia, double load, double w, double zeta) {
+  const double m = std::clamp(load / inertia, 0.0, 0.98);
+  return stack(e, [&](const Track &t, std::vector<double> &f) {
+    // (s^2 + 2 zeta w s + w^2) / ((1 - m) s^2 + 2 zeta w s + w^2), trapezoidal
+    const double q = 2 / t.dt_s, b0 = q * q + 2 * zeta * w * q + w * w, b1 = 2 * (w * w - q * q), b2 = q * q - 2 * zeta * w * q + w * w;
+    const double a0 = (1 - m) * q * q + 2 * zeta * w * q + w * w, a1 = 2 * (w * w - (1 - m) * q * q), a2 = (1 - m) * q * q - 2 * zeta * w * q + w * w;
+    f.resize(t.state.size());
+    if (f.empty()) return;
+    double x1 = t.state[0].torque, x2 = x1, y1 = x1, y2 = x1;
+    for (std::size_t k = 0; k < f.size(); ++k) {
+      const double x0 = t.state[k].torque, y0 = (b0 * x0 + b1 * x1 + b2 * x2 - a1 * y1 - a2 * y2) / a0;
+      f[k] = x0 - y0;
+      x2 = x1; x1 = x0; y2 = y1; y1 = y0;
+    }
+  }, 0);
 }
 
 std::vector<double> publish(const Equation &e, const Candidate &c, const std::vector<double> &shape, const Eigen::VectorXd &linear) {
@@ -399,6 +459,7 @@ Equation thinned(const Equation &e, std::size_t wanted) {
       s.speed_raw = cut(t.speed_raw);
       s.drive_raw = cut(t.drive_raw);
       s.rest = cut(t.rest);
+      s.current_raw = cut(t.current_raw);
       s.first = t.first + a;   // for now: where it comes from
       for (std::size_t r = a; r < b; ++r) s.row.push_back(t.row[r] - int(from)), s.run.push_back(t.run[r]);
       out.tracks.push_back(std::move(s));

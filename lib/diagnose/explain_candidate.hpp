@@ -49,6 +49,14 @@ bool lawful(const Equation &equation, const Candidate &candidate, const std::vec
 std::vector<double> shape_of(const Equation &equation, const Candidate &candidate, const std::vector<double> &published, double inertia);
 bool subsumes(const Candidate &a, const Candidate &b);
 
+// Noise power that a solution with a second mass lets through, relative to the rigid one: a spring also filters the position's
+// noise, and what that wins explains nothing. 1 for every other candidate.
+double noise_ratio(const Equation &equation, const Candidate &candidate, const std::vector<double> &shape, const Eigen::VectorXd &linear, double inertia, double damping);
+
+// The same spring seen from the drive: what is to be taken off the target when the input, not the motion, passes through it. A real
+// spring explains both ways; a filter that only smooths the noise of one side does not.
+Eigen::VectorXd spring_on_drive(const Equation &equation, double inertia, double load, double w, double zeta);
+
 // A smaller equation made of stretches of a large one, for searches.
 Equation thinned(const Equation &equation, std::size_t rows);
 

@@ -13,7 +13,7 @@ constexpr double kRelativeMin = 0.002;  // and the share of the squared error
 constexpr double kBlocksT = 2.0;        // and over blocks
 
 bool acceptable(const Option &o) {
-  return o.possible && o.worth() > kWorthMin && o.relative > kRelativeMin && o.t > kBlocksT && o.held_gain > 0;
+  return o.possible && o.worth() > kWorthMin && o.relative > kRelativeMin && o.relative_raw > kRelativeMin && (o.t > kBlocksT || o.improved >= 0.75) && o.held_gain > 0;
 }
 
 int complexity(const Search &s, const Option &o) {
@@ -127,6 +127,7 @@ Remainder beyond(const Search &search, const std::vector<Family> &families, cons
   for (std::size_t b = 0; b < start.sse.size(); ++b) mean += (start.sse[b] - current.sse[b]) / blocks;
   for (std::size_t b = 0; b < start.sse.size(); ++b) square += std::pow(start.sse[b] - current.sse[b] - mean, 2) / std::max(1.0, blocks - 1);
   out.t = mean / std::sqrt(square / blocks + 1e-300);
+  for (std::size_t b = 0; b < start.sse.size(); ++b) out.improved += (current.sse[b] < start.sse[b]) / blocks;
   return out;
 }
 
@@ -197,7 +198,7 @@ Analysis analyse(Equation equation, const driveid_model &model, const Settings &
     search.polish(a.chosen);
     from = to;
     to = from + 0.5 * (0.95 - from);
-    for (int again = 0; again < 3 && a.chosen.size() > kept.size() + 1; ++again)
+    for (int again = 0; again < 1 && a.chosen.size() > kept.size() + 1; ++again)
       if (!reexamine(search, a.chosen)) break;
     a.steps.push_back(a.chosen);
     options = search.offer(a.chosen);
@@ -244,7 +245,9 @@ Analysis analyse(Equation equation, const driveid_model &model, const Settings &
   }
   std::sort(a.found.begin(), a.found.end(), [](const Found &x, const Found &y) { return x.share > y.share; });
   double left = a.removable > 0 ? (a.after.score.total - floor_sse) / a.removable : 0;
-  bool more = a.remainder.gain > 25 && a.remainder.t > 2.5 && (a.after.score.total - a.remainder.sse) / a.after.score.total > 0.004;
+  // Noise of the current on both sides of a voltage equation looks like a curved resistance: more is asked there.
+  const bool electrical = search.equation().electrical;
+  bool more = a.remainder.gain > 25 && (a.remainder.t > 2.5 || a.remainder.improved >= 0.8) && (a.after.score.total - a.remainder.sse) / a.after.score.total > (electrical ? 0.12 : 0.01);
   a.unknown = more && (a.found.empty() || left > 0.3);
   if (settings.tick) settings.tick(1.0);
   return a;

@@ -13,7 +13,7 @@ namespace driveid::diagnose {
 struct Remainder {                  // what general regressors find beyond a set of members
   double sse = 0;                   // cross-validated, with them
   double gain = 0;                  // log-likelihood, net of their cost
-  double t = 0;
+  double t = 0, improved = 0;       // paired over blocks; share of the blocks that get better
   std::vector<int> family;          // in the order found
   std::vector<double> family_gain;
 };
@@ -52,7 +52,7 @@ struct Analysis {
 
 struct Settings {
   int threads = 2;
-  int most_effects = 4;
+  int most_effects = 3;
   std::vector<std::string> effects;             // only these, where not empty
   std::function<bool(double)> tick;             // 0..1; false cancels
 };

@@ -6,6 +6,7 @@
 
 #include <driveid/version.h>
 
+#include "diagnose/compare_core.hpp"
 #include "diagnose/explain.hpp"
 #include "diagnose/locate.hpp"
 #include "model/file/text.hpp"
@@ -69,27 +70,16 @@ ordered_json equation_error(const Analysis &a, const Solution &s, bool held) {
 }
 
 // Simulated errors come from compare, which owns simulation.
-ordered_json simulated_errors(const driveid_model &model, const driveid_record *records, std::size_t count, const driveid_task &task) {
-  char *text = nullptr, *json = nullptr, message[200];
+ordered_json simulated_errors(const driveid_model &model, const std::vector<Prepared> &records) {
   ordered_json out = ordered_json::object();
-  if (!count || driveid_model_write(&model, nullptr, &text) != DRIVEID_OK) return out;
-  driveid_task t{};
-  t.model_toml = text;
-  t.training = records;
-  t.trainings = count;
-  t.options_json = "{\"quick\": true}";
-  (void)task;
-  if (driveid_compare(&t, &json, message, sizeof message) == DRIVEID_OK && json) {
-    ordered_json j = ordered_json::parse(json, nullptr, false);
-    if (j.is_object() && j.contains("records") && !j["records"].empty()) {
-      const ordered_json &r = j["records"].back();
-      const ordered_json &set = r.contains("errors") ? r["errors"] : r;
-      for (const char *k : {"one_step", "windows", "free_run"})
-        if (set.contains(k)) out[k] = set[k];
-    }
-  }
-  driveid_text_free(json);
-  driveid_text_free(text);
+  std::vector<ErrorSet> sets;
+  std::vector<double> rows;
+  for (const Prepared &p : records) sets.push_back(compare_record(model, p, true).errors), rows.push_back(double(p.rows));
+  if (sets.empty()) return out;
+  const ErrorSet all = together(sets, rows);
+  out["one_step"] = to_json(all.one_step);
+  out["windows"] = to_json(all.windows);
+  out["free_run"] = to_json(all.free_run);
   return out;
 }
 
@@ -142,11 +132,9 @@ ordered_json explanation_json(const Explanation &x, const driveid_task &task, co
     before[key] = {{"equation", equation_error(*lead, lead->before, held)}};
     after[key] = {{"equation", equation_error(*lead, lead->after, held)}};
     if (options.errors) {
-      bool own = held && task.held_outs == 0;
-      if (!own) {
-        before[key].update(simulated_errors(x.model, held ? task.held_out : task.training, held ? task.held_outs : task.trainings, task));
-        after[key].update(simulated_errors(x.grown, held ? task.held_out : task.training, held ? task.held_outs : task.trainings, task));
-      }
+      (void)task;
+      before[key].update(simulated_errors(x.model, held ? x.held_out : x.training));
+      after[key].update(x.grown.effects == x.model.effects ? simulated_errors(x.model, held ? x.held_out : x.training) : simulated_errors(x.grown, held ? x.held_out : x.training));
     }
   }
   j["error_before"] = before;

@@ -10,12 +10,18 @@
 namespace driveid::diagnose {
 namespace {
 
-constexpr std::size_t kThinRows = 7000;
+constexpr std::size_t kThinRows = 3500;
 
 void put_beside(Eigen::MatrixXd &a, const Eigen::MatrixXd &b) {
   if (b.cols() == 0) return;
   a.conservativeResize(b.rows(), a.cols() + b.cols());
   a.rightCols(b.cols()) = b;
+}
+
+double improved(const std::vector<double> &before, const std::vector<double> &after) {
+  double better = 0;
+  for (std::size_t b = 0; b < before.size(); ++b) better += after[b] < before[b];
+  return before.empty() ? 0 : better / double(before.size());
 }
 
 double paired_t(const std::vector<double> &before, const std::vector<double> &after) {
@@ -101,7 +107,7 @@ double Search::left(const View &v, const Candidate &c, const std::vector<double>
     return INFINITY;
   }
   if (!lawful(full_, c, shape, linear, inertia)) return INFINITY;
-  return sse;
+  return sse / noise_ratio(*v.equation, c, shape, linear, inertia, nominal_.damping);
 }
 
 void Search::refine_shape(const View &v, const Candidate &c, std::vector<double> &shape, double &best, int rounds) const {
@@ -142,6 +148,25 @@ void Search::refine_shape(const View &v, const Candidate &c, std::vector<double>
   }
 }
 
+double Search::raw_square(const Eigen::VectorXd &white) const {
+  double sum = 0;
+  const int p = int(full_.ar.size());
+  std::vector<double> e;
+  for (const Track &track : full_.tracks) {
+    e.assign(track.row.size(), 0.0);
+    int age = 0, run = -1;
+    for (std::size_t r = 0; r < track.row.size(); ++r) {
+      age = track.run[r] == run ? age + 1 : 0;
+      run = track.run[r];
+      if (age < p) continue;
+      e[r] = white[Eigen::Index(track.first + r)];
+      for (int j = 1; j <= p; ++j) e[r] += full_.ar[std::size_t(j - 1)] * e[r - std::size_t(j)];
+      sum += e[r] * e[r];
+    }
+  }
+  return sum;
+}
+
 Search::Context Search::context(const std::vector<Member> &members) const {
   Context c;
   c.members = members;
@@ -150,6 +175,7 @@ Search::Context Search::context(const std::vector<Member> &members) const {
   std::vector<int> all;
   for (int k = 0; k < int(c.full.z.cols()); ++k) all.push_back(k);
   c.score = BlockGram(full_, c.full.z, c.full.y).cross_validate(all, {});
+  c.raw = raw_square(c.full.r);
   return c;
 }
 
@@ -165,7 +191,19 @@ Option Search::judged(int index, const Context &context, const std::vector<doubl
   if (t.taken.size()) y -= whiten(full_, t.taken);
   std::vector<int> all;
   for (int k = 0; k < int(z.cols()); ++k) all.push_back(k);
-  BlockGram::Score score = BlockGram(full_, z, y).cross_validate(all, {});
+  BlockGram gram(full_, z, y);
+  BlockGram::Score score = gram.cross_validate(all, {});
+  if (t.column.cols()) {
+    Eigen::VectorXd p = gram.solve(all, {}, false);
+    double inertia = full_.base_column.empty() ? 0 : full_.base_column[0].given ? full_.base_column[0].value : p[0] * context.full.scale[0];
+    o.noise = noise_ratio(full_, c, shape, p.tail(t.column.cols()), inertia, nominal_.damping);
+    if (o.noise != 1) {
+      score.total /= o.noise;
+      score.held /= o.noise;
+      for (double &s : score.sse) s /= o.noise;
+    }
+  }
+  o.raw = raw_square(y - z * gram.solve(all, {}, false)) / o.noise;
   o.possible = true;
   o.sse = score.sse;
   o.total = score.total;
@@ -173,6 +211,17 @@ Option Search::judged(int index, const Context &context, const std::vector<doubl
   o.relative = 1 - score.total / against.total;
   o.held_gain = score.held_rows > 0 ? 0.5 * score.held_rows * std::log(against.held / std::max(score.held, 1e-300)) : 0;
   o.t = paired_t(against.sse, score.sse);
+  o.improved = improved(against.sse, score.sse);
+  o.relative_raw = 1 - o.raw / std::max(context.raw, 1e-300);
+  if (c.name == "compliance" && t.column.cols()) {
+    Eigen::VectorXd p = gram.solve(all, {}, false);
+    double inertia = full_.base_column[0].given ? full_.base_column[0].value : p[0] * context.full.scale[0];
+    Eigen::VectorXd taken = whiten(full_, spring_on_drive(full_, inertia, p[p.size() - 1], shape[0], shape[1]));
+    std::vector<int> base;
+    for (int k = 0; k < int(context.full.z.cols()); ++k) base.push_back(k);
+    BlockGram::Score from_drive = BlockGram(full_, context.full.z, context.full.y - taken).cross_validate(base, {});
+    o.check = from_drive.total / std::max(1e-300, context.score.total);   // share left when seen from the drive
+  }
   o.cost = 1.0 * double(t.column.cols()) + 2.0 * double(shape.size()) + std::log(c.trials);
   return o;
 }
@@ -252,8 +301,9 @@ std::vector<Option> Search::offer(const std::vector<Member> &members, const std:
   }
   std::vector<int> whole;
   for (const Member &m : members) whole.push_back(m.candidate);
-  if (contexts.count(whole)) against = contexts[whole]->score;
-  else against = context(members).score;
+  if (!contexts.count(whole)) contexts[whole] = std::make_unique<Context>(context(members));
+  against = contexts[whole]->score;
+  const double raw_before = contexts[whole]->raw;
   std::vector<Option> out(candidates_.size());
   std::atomic<std::size_t> next{0}, finished{0};
   std::atomic<bool> stop{false};
@@ -267,9 +317,18 @@ std::vector<Option> Search::offer(const std::vector<Member> &members, const std:
         if (!known_[k].empty()) seeds.push_back(known_[k]);
         Option o = try_candidate(int(k), *of[k], seeds);
         if (o.possible) {
+          if (o.check >= 0) {   // believe the side that explains less
+            double offered = of[k]->score.total, believed = offered * (1 - 1.5 * std::max(0.0, 1 - o.check));
+            if (believed > o.total) {
+              for (double &s : o.sse) s *= believed / o.total;
+              o.total = believed;
+            }
+          }
           o.gain = 0.5 * rows_ * std::log(against.total / std::max(o.total, 1e-300));
           o.relative = 1 - o.total / against.total;
           o.t = paired_t(against.sse, o.sse);
+          o.improved = improved(against.sse, o.sse);
+          o.relative_raw = 1 - o.raw / std::max(raw_before, 1e-300);
         }
         out[k] = o;
       }

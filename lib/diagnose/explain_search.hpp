@@ -27,9 +27,14 @@ struct Option {
   double cost = 0;            // what that gain must pay for: columns, shapes, places looked at
   double relative = 0;        // share of the squared error that goes
   double t = 0;               // paired over blocks
+  double improved = 0;        // share of the blocks that get better
+  double check = -1;          // spring: share of the error left when it is seen from the drive; negative: not asked
+  double relative_raw = 0;    // the same share before whitening: what a user sees fall
   double held_gain = 0;       // log-likelihood gained on held-out blocks by a fit to the training blocks alone
   std::vector<double> sse;    // by block
   double total = 0;
+  double raw = 0;             // squared error before whitening
+  double noise = 1;           // noise power let through, relative to the nominal model: already divided out of the errors
   double worth() const { return gain - cost; }
 };
 
@@ -74,7 +79,10 @@ class Search {
     std::vector<Member> members;
     View thin, full;
     BlockGram::Score score;
+    double raw = 0;
   };
+  // Squared error of whitened residuals brought back to raw rows.
+  double raw_square(const Eigen::VectorXd &white) const;
   View view(const Equation &equation, const std::vector<Member> &members) const;
   double left(const View &view, const Candidate &candidate, const std::vector<double> &shape) const;   // pooled squared error
   Option try_candidate(int candidate, const Context &context, const std::vector<std::vector<double>> &seeds) const;

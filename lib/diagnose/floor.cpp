@@ -86,19 +86,22 @@ Eigen::MatrixXd harmonics(const Equation &e, const Value &factor, int from, int 
   return m;
 }
 
-// The motion at other instants: linear dynamics between input and motion (delay, a spring) shows here.
-Eigen::MatrixXd motion_lags(const Equation &e) {
-  static const int lags[] = {-4, -2, -1, 1, 2, 3, 4, 6, 9};
+// Rows of the acceleration, smoothed once like the nominal inertia's, times hats of a coordinate: a second smoothing would
+// let the family gain by filtering the position's noise rather than by explaining anything.
+Eigen::MatrixXd accel_columns(const Equation &e, const Value &coordinate, const std::vector<double> &k, int from = 0, int to = -1) {
   const bool from_speed = !e.tracks[0].speed_raw.empty();
-  Eigen::MatrixXd m(Eigen::Index(e.rows), 9);
-  std::vector<double> x(e.rows), fine;
-  for (int j = 0; j < 9; ++j)
-    m.col(j) = stack(e, [&](const Track &t, std::vector<double> &f) {
-      const std::vector<double> &source = from_speed ? t.speed_raw : t.position;
-      const std::ptrdiff_t n = std::ptrdiff_t(source.size()), shift = std::lround(lags[j] * std::max(1.0, 0.3 * t.kernel.half));
-      f.resize(source.size());
-      for (std::ptrdiff_t k = 0; k < n; ++k) f[std::size_t(k)] = source[std::size_t(std::clamp<std::ptrdiff_t>(k + shift, 0, n - 1))] - source[std::size_t(k)];
-    }, from_speed ? 1 : 2);
+  Eigen::VectorXd accel = stack(e, [from_speed](const Track &t, std::vector<double> &f) { f = from_speed ? t.speed_raw : t.position; }, from_speed ? 1 : 2);
+  Eigen::Index columns = to >= from ? 2 * (to - from + 1) : Eigen::Index(k.size());
+  Eigen::MatrixXd m(Eigen::Index(e.rows), columns);
+  for (const Track &t : e.tracks)
+    for (std::size_t r = 0; r < t.row.size(); ++r) {
+      const driveid_effect_state &s = t.state[std::size_t(t.row[r])];
+      const auto row = Eigen::Index(t.first + r);
+      if (to >= from)
+        for (int n = from; n <= to; ++n) m(row, 2 * (n - from)) = accel[row] * std::sin(n * s.angle), m(row, 2 * (n - from) + 1) = accel[row] * std::cos(n * s.angle);
+      else
+        for (std::size_t j = 0; j < k.size(); ++j) m(row, Eigen::Index(j)) = accel[row] * hat(k, j, coordinate(s));
+    }
   return m;
 }
 
@@ -115,7 +118,7 @@ Eigen::MatrixXd memories(const Equation &e, double range) {
 
 void mechanical_families(const Equation &e, std::vector<Family> &out) {
   Value one = [](const driveid_effect_state &) { return 1.0; }, direction = [](const driveid_effect_state &s) { return s.direction; };
-  Value speed = [](const driveid_effect_state &s) { return s.speed; }, accel = [](const driveid_effect_state &s) { return s.accel; };
+  Value speed = [](const driveid_effect_state &s) { return s.speed; };
   Value position = [](const driveid_effect_state &s) { return s.angle; }, drive = [](const driveid_effect_state &s) { return s.torque; };
   Value time = [](const driveid_effect_state &s) { return s.t_s; }, temperature = [](const driveid_effect_state &s) { return s.T_degC; };
   const bool rotary = e.frame != DRIVEID_FRAME_FORCE && e.frame != DRIVEID_FRAME_AMPERE_LINEAR;
@@ -125,24 +128,23 @@ void mechanical_families(const Equation &e, std::vector<Family> &out) {
     if (column.cols()) out.push_back({name, std::move(coordinates), std::move(catalogue), std::move(column)});
   };
   std::vector<double> kw = knots(e, speed, 11), kabs = knots(e, [](const driveid_effect_state &s) { return std::fabs(s.speed); }, 8);
-  std::vector<double> kx = knots(e, position, 22), kx8 = knots(e, position, 9), ki = knots(e, drive, 9), ka = knots(e, accel, 7), kt = knots(e, time, 7);
+  std::vector<double> kx = knots(e, position, 22), kx8 = knots(e, position, 9), ki = knots(e, drive, 9), kt = knots(e, time, 7);
   double range = kx.empty() ? 1 : kx.back() - kx.front();
   add("speed", {w}, {"coulomb", "stribeck", "quadratic_drag", "constant_load", "asymmetric_friction", "current_offset"},
       beside(one_column(e, one), beside(product_columns(e, one, speed, kw), product_columns(e, direction, [](const driveid_effect_state &s) { return std::fabs(s.speed); }, kabs))));
   add("position", {x}, {"gravity_unbalance", "cogging", "constant_load"}, product_columns(e, one, position, kx));
   if (rotary) add("turn", {x}, {"gravity_unbalance", "cogging"}, harmonics(e, one, 1, 8));
   add("drive", {i}, {"torque_saturation", "dead_zone"}, no_drive(e, product_columns(e, drive, drive, ki)));
-  add("acceleration", {"acceleration"}, {}, product_columns(e, one, accel, ka));
+  add("inertia_drive", {"acceleration", i}, {"torque_saturation"}, accel_columns(e, [](const driveid_effect_state &s) { return std::fabs(s.drive); }, knots(e, [](const driveid_effect_state &s) { return std::fabs(s.drive); }, 6)));
   add("direction_position", {"direction", x}, {"eccentric_friction"}, beside(product_columns(e, direction, position, kx8), rotary ? harmonics(e, direction, 1, 4) : Eigen::MatrixXd(Eigen::Index(e.rows), 0)));
   add("damping_position", {w, x}, {}, product_columns(e, speed, position, kx8));
-  add("inertia_position", {"acceleration", x}, {}, beside(product_columns(e, accel, position, kx8), rotary ? harmonics(e, accel, 1, 4) : Eigen::MatrixXd(Eigen::Index(e.rows), 0)));
+  add("inertia_position", {"acceleration", x}, {}, beside(accel_columns(e, position, kx8), rotary ? accel_columns(e, position, {}, 1, 4) : Eigen::MatrixXd(Eigen::Index(e.rows), 0)));
   add("drive_position", {i, x}, {"torque_ripple"}, no_drive(e, beside(product_columns(e, drive, position, kx8), rotary ? harmonics(e, drive, 1, 8) : Eigen::MatrixXd(Eigen::Index(e.rows), 0))));
   add("drive_speed", {i, w}, {"load_dependent_friction"}, no_drive(e, beside(product_columns(e, drive, speed, kw), one_column(e, [](const driveid_effect_state &s) { return std::fabs(s.torque) * s.direction; }))));
   add("turn_speed", {x, w}, {"encoder_eccentricity"}, rotary ? beside(harmonics(e, [](const driveid_effect_state &s) { return s.speed * s.speed; }, 1, 2), harmonics(e, speed, 1, 4)) : Eigen::MatrixXd(Eigen::Index(e.rows), 0));
   add("friction_time", {"direction", "t_s"}, {"friction_drift"}, beside(product_columns(e, direction, time, kt), product_columns(e, speed, time, kt)));
-  add("inertia_time", {"acceleration", "t_s"}, {"inertia_change"}, product_columns(e, accel, time, knots(e, time, 12)));
+  add("inertia_time", {"acceleration", "t_s"}, {"inertia_change"}, accel_columns(e, time, knots(e, time, 12)));
   add("memory", {"travel since reversal"}, {"hysteresis", "lugre", "backlash"}, memories(e, range));
-  add("motion_lags", {"time since a change of the motion"}, {"delay", "compliance", "backlash"}, motion_lags(e));
   if (warm) {
     std::vector<double> kT = knots(e, temperature, 5);
     add("temperature", {"T_degC"}, {"friction_drift"}, beside(product_columns(e, one, temperature, kT), beside(product_columns(e, direction, temperature, kT), product_columns(e, speed, temperature, kT))));
@@ -170,6 +172,44 @@ void electrical_families(const Equation &e, std::vector<Family> &out) {
   add("current_speed", {"i_A", "omega_rad_s"}, {}, product_columns(e, current, speed, kw));
   if (e.tracks[0].state[0].has_temperature) add("resistance_temperature", {"i_A", "T_degC"}, {"resistance_drift"}, one_column(e, heated));
   add("turn", {"theta_rad"}, {}, harmonics(e, one, 1, 3));
+}
+
+// Which part of the noise comes through the motion (white noise of the position or speed, shaped by inertia and damping) and which
+// through the drive? Two non-negative variances that reproduce the residual's autocorrelation.
+void split_noise(Equation &e, const Eigen::VectorXd &residual, const Eigen::VectorXd &p) {
+  e.noise_motion = e.noise_drive = 0;
+  if (e.electrical || e.tracks.empty()) return;
+  const Track &t0 = e.tracks[0];
+  const int step = t0.row.size() > 1 ? std::max(1, t0.row[1] - t0.row[0]) : 1, n = 2 * t0.kernel.half + 1;
+  const bool from_speed = !t0.speed_raw.empty();
+  double a = 0, b = 0;
+  int free_column = 0;
+  for (std::size_t c = 0; c < e.base_column.size() && c < 2; ++c) (c ? b : a) = e.base_column[c].given ? e.base_column[c].value : p[free_column++];
+  std::vector<double> motion(std::size_t(n), 0.0), drive(std::size_t(n), 0.0);
+  for (int k = 0; k < n; ++k) {
+    auto i = std::size_t(k);
+    motion[i] = from_speed ? a * t0.kernel.w[1][i] + b * t0.kernel.w[0][i] : a * t0.kernel.w[2][i] + b * t0.kernel.w[1][i];
+    drive[i] = e.gain * t0.kernel.w[0][i];
+  }
+  const int lags = 5;
+  double m[2][2] = {{0, 0}, {0, 0}}, v[2] = {0, 0};
+  for (int l = 0; l < lags; ++l) {
+    double r1 = 0, r0 = 0, c = 0, count = 0;
+    for (int k = 0; k + l * step < n; ++k) r1 += motion[std::size_t(k)] * motion[std::size_t(k + l * step)], r0 += drive[std::size_t(k)] * drive[std::size_t(k + l * step)];
+    for (const Track &t : e.tracks)
+      for (std::size_t r = std::size_t(l); r < t.row.size(); ++r)
+        if (t.run[r] == t.run[r - std::size_t(l)]) c += residual[Eigen::Index(t.first + r)] * residual[Eigen::Index(t.first + r) - l], count += 1;
+    c /= std::max(1.0, count);
+    double w = l ? 1 : 2;
+    m[0][0] += w * r1 * r1; m[0][1] += w * r1 * r0; m[1][1] += w * r0 * r0;
+    v[0] += w * r1 * c; v[1] += w * r0 * c;
+  }
+  double det = m[0][0] * m[1][1] - m[0][1] * m[0][1];
+  double x = det > 0 ? (v[0] * m[1][1] - v[1] * m[0][1]) / det : 0, y = det > 0 ? (v[1] * m[0][0] - v[0] * m[0][1]) / det : 0;
+  if (x < 0 || !(det > 0)) x = 0, y = m[1][1] > 0 ? v[1] / m[1][1] : 0;
+  if (y < 0) y = 0, x = m[0][0] > 0 ? v[0] / m[0][0] : 0;
+  e.noise_motion = std::max(0.0, x);
+  e.noise_drive = std::max(0.0, y);
 }
 
 }  // namespace
@@ -294,6 +334,7 @@ Floor find_floor(Equation &e, const std::vector<Family> &families) {
     Eigen::VectorXd residual = e.y - x * p;
     f.hi = std::sqrt(residual.squaredNorm() / double(e.rows));
     if (pass < 2) fit_whitening(e, residual, kArOrder);
+    if (pass == 2) split_noise(e, residual, p);
   }
   f.lo = std::min(e.floor_lo, f.hi);
   return f;

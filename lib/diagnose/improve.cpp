@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <cstring>
 
+#include "diagnose/compare_core.hpp"
 #include "diagnose/explain.hpp"
 #include "model/file/text.hpp"
 
@@ -13,12 +14,6 @@ namespace driveid::diagnose {
 namespace {
 
 using nlohmann::ordered_json;
-
-// Fit and compare through the public functions: the same numbers that the single commands print.
-struct Fitted {
-  std::string toml;
-  ordered_json parameters;
-};
 
 std::string written(const driveid_model &model, const char *history) {
   char *text = nullptr;
@@ -43,28 +38,18 @@ bool fit_again(const driveid_task &task, const std::string &toml, std::string &f
   return ok;
 }
 
-ordered_json errors_of(const driveid_task &task, const std::string &toml, const driveid_record *records, std::size_t count) {
-  if (!count) return ordered_json::object();
-  driveid_task t = task;
-  t.model_toml = toml.c_str();
-  t.training = records;
-  t.trainings = count;
-  t.held_out = nullptr;
-  t.held_outs = 0;
-  t.progress = nullptr;
-  t.options_json = "{\"quick\": true}";
-  char *json = nullptr, message[300];
+ordered_json errors_of(const std::string &toml, const std::vector<Prepared> &records) {
   ordered_json out = ordered_json::object();
-  if (driveid_compare(&t, &json, message, sizeof message) == DRIVEID_OK && json) {
-    ordered_json j = ordered_json::parse(json, nullptr, false);
-    if (j.is_object() && j.contains("records") && !j["records"].empty()) {
-      const ordered_json &r = j["records"].back();
-      const ordered_json &set = r.contains("errors") ? r["errors"] : r;
-      for (const char *k : {"equation", "one_step", "windows", "free_run"})
-        if (set.contains(k)) out[k] = set[k];
-    }
-  }
-  driveid_text_free(json);
+  driveid_model model;
+  char message[300];
+  if (records.empty() || driveid_model_read(toml.c_str(), &model, message, sizeof message) != DRIVEID_OK) return out;
+  std::vector<ErrorSet> sets;
+  std::vector<double> rows;
+  for (const Prepared &p : records) sets.push_back(compare_record(model, p, true).errors), rows.push_back(double(p.rows));
+  const ErrorSet all = together(sets, rows);
+  out["one_step"] = to_json(all.one_step);
+  out["windows"] = to_json(all.windows);
+  out["free_run"] = to_json(all.free_run);
   return out;
 }
 
@@ -107,9 +92,10 @@ ordered_json improve(const driveid_model &model, const driveid_task &task, const
     ordered_json s = {{"step", steps.size()}, {"effect", effect.empty() ? ordered_json(nullptr) : ordered_json(effect)}, {"parameters", parameters}};
     ordered_json t = training, h = held;
     if (options.errors) {
-      for (auto &[k, v] : errors_of(task, toml, task.training, task.trainings).items())
+      const ordered_json simulated = errors_of(toml, x.training), unseen = errors_of(toml, x.held_out);
+      for (auto &[k, v] : simulated.items())
         if (k != "equation") t[k] = v;
-      for (auto &[k, v] : errors_of(task, toml, task.held_out, task.held_outs).items())
+      for (auto &[k, v] : unseen.items())
         if (k != "equation") h[k] = v;
     }
     s["errors"] = {{"training", t}, {"held_out", h}};
