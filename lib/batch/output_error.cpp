@@ -23,6 +23,8 @@ double &value_of(driveid_model &model, const FreeParam &free) {
 
 namespace {
 
+constexpr double kNeverPinned = 1e9;
+
 struct Window {
   std::size_t stretch, from, to, at;            // at: first row in the stacked outputs
   double x[DRIVEID_X_COUNT];
@@ -120,7 +122,7 @@ void stack_measured(Fitting &f) {
 }
 
 // Weight of a stacked value: i counts rows of output o inside a window.
-double weight_of(const Fitting &f, std::size_t o, std::size_t i) { return f.scale[o] * (f.problem.window_s == 0 && i < kHead ? f.head[o] : 1.0); }
+double weight_of(const Fitting &f, std::size_t o, std::size_t i) { return f.scale[o] * (i < kHead ? f.head[o] : 1.0); }
 
 struct Local {                       // one window, initial states projected out
   Eigen::MatrixXd Jp, Js;            // scaled, projected Jp; raw Js factors kept for the state step
@@ -240,7 +242,8 @@ void weigh_outputs(Fitting &f, const Stack &base) {
     for (const Stretch *s : f.problem.stretches) noise = std::max(noise, s->noise[f.problem.outputs[o]]);
     const double rms = std::sqrt(sum / double(f.rows));
     if (m > 1) f.scale[o] = rms > 0 ? 1 / rms : 1.0;
-    f.head[o] = noise > 0 ? std::clamp(rms / noise, 1.0, 1e4) : 1.0;
+    const bool pinned = f.problem.window_s < kNeverPinned && f.rows / f.windows.size() >= 5 * kHead;
+    f.head[o] = pinned && noise > 0 ? std::clamp(rms / noise, 1.0, 1e4) : 1.0;
   }
 }
 
@@ -393,7 +396,7 @@ bool free_run(const driveid_model &model, const Stretch &stretch, driveid_sim_mo
   for (int s = 0; s < DRIVEID_SIGNAL_COUNT; s++)
     if (!stretch.column[s].empty()) head.column[s].assign(stretch.column[s].begin() + std::ptrdiff_t(from), stretch.column[s].begin() + std::ptrdiff_t(end));
   head.hold = stretch.hold;
-  start.window_s = 1e9;   // one window, no rows weigh more than others
+  start.window_s = kNeverPinned;   // one window, all its rows count alike
   start.stretches = {&head};
   const driveid_sim_record view = stretch.view();
   driveid_sim sim;

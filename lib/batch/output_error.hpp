@@ -4,8 +4,8 @@
 // Windows are simulated from unknown initial states that each window's own least squares removes (variable projection), so a window of any
 // length, down to some tens of samples and up to the whole stretch, is one method: short windows forgive a disturbed or noisy input, long ones
 // resolve weak parameters. Memories of effects (bristles, winding heat) are carried from window to window.
-// A free run over a whole stretch must start where the record starts: its first rows weigh as much as their sensor noise allows, not as little as the
-// error of the whole run would give them, lest an initial state that contradicts them make up for the model.
+// A window must start where the record is: its first rows weigh as much as their sensor noise allows, not as little as the error of the
+// whole window would give them, lest an initial state that contradicts them make up for the model.
 // Steps are Gauss-Newton with Levenberg-Marquardt damping; derivatives are differences of simulations. The covariance is a sandwich over blocks of
 // the projected score, so it holds for coloured residuals; windows far outside the others' error are weighted down (Huber).
 #pragma once
