@@ -16,6 +16,15 @@
 
 namespace gw {
 
+namespace {
+sigset_t watched_signals() {
+    sigset_t set;
+    sigemptyset(&set);
+    for (int s : {SIGTERM, SIGINT, SIGHUP}) sigaddset(&set, s);
+    return set;
+}
+}  // namespace
+
 Daemon::Daemon(Config config, RunOptions options)
     : options_(options), control_(config.control, loop_, *this), gateway_(std::make_unique<Gateway>(std::move(config), loop_, &control_)),
       second_(loop_, [this] { tick(); }), saver_(loop_, [this] { save(); }), watchdog_(loop_, [] { notify("WATCHDOG=1"); }),
@@ -31,12 +40,14 @@ Daemon::~Daemon() { log_listen(nullptr, nullptr); }
 
 double Daemon::uptime_s() const { return double(monotonic_ns() - started_ns_) * 1e-9; }
 
-void Daemon::watch_signals() {
-    sigset_t set;
-    sigemptyset(&set);
-    for (int s : {SIGTERM, SIGINT, SIGHUP}) sigaddset(&set, s);
+void block_signals() {
+    const sigset_t set = watched_signals();
     sigprocmask(SIG_BLOCK, &set, nullptr);
     signal(SIGPIPE, SIG_IGN);
+}
+
+void Daemon::watch_signals() {
+    const sigset_t set = watched_signals();
     signals_.reset(signalfd(-1, &set, SFD_NONBLOCK | SFD_CLOEXEC));
     loop_.add(signals_.get(), EPOLLIN, [this](uint32_t) { signalled(); });
 }

@@ -15,6 +15,9 @@ struct RunOptions {
     bool exit_at_end = false;     // of all replays
 };
 
+// Before any thread begins, so that signals reach the loop alone.
+void block_signals();
+
 class Daemon final : public Commands {
 public:
     Daemon(Config config, RunOptions options);

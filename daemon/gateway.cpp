@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <filesystem>
 #include <stdexcept>
 #include <unistd.h>
 
@@ -150,7 +151,7 @@ std::unique_ptr<RecordWriter> Gateway::make_record(const std::string& bare, std:
         return nullptr;
     }
     const std::string stem = bare.ends_with(".drec") ? bare.substr(0, bare.size() - 5) : bare;
-    const std::string folder = config_path(config_, config_.record.folder);
+    const std::string folder = std::filesystem::absolute(config_path(config_, config_.record.folder)).lexically_normal().string();
     // An earlier record is never overwritten.
     for (int k = 0; k < 10000; ++k) {
         const std::string path = folder + "/" + stem + (k ? "-" + std::to_string(k) : "") + ".drec";

@@ -102,6 +102,7 @@ int main(int argc, char** argv) {
     static const char* const levels[] = {"debug", "info", "warning", "error"};
     for (int k = 0; k < 4; ++k)
         if (config.system.log_level == levels[k]) gw::log_level(gw::Level(k));
+    gw::block_signals();
     try {
         return gw::Daemon(std::move(config), options).run();
     } catch (const std::exception& e) {

@@ -82,7 +82,7 @@ void ControlServer::start() {
         write_gid_ = long(g->gr_gid);
     }
     chmod(config_.socket.c_str(), mode_t(strtol(config_.mode.c_str(), nullptr, 8)));
-    if (listen(listener_.get(), 16) < 0) fail("choose another path");
+    if (listen(listener_.get(), 128) < 0) fail("choose another path");
     loop_.add(listener_.get(), EPOLLIN, [this](uint32_t) { accept_one(); });
 }
 

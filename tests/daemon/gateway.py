@@ -87,8 +87,7 @@ class Control:
         self.socket = socket.socket(socket.AF_UNIX)
         self.socket.settimeout(timeout * SLOW)
         self.socket.connect(str(path))
-        self.file = self.socket.makefile("rb")
-        self.id = 0
+        self.buffer, self.id = b"", 0
 
     def send(self, **request):
         self.id += 1
@@ -96,9 +95,12 @@ class Control:
         return self.id
 
     def line(self):
-        text = self.file.readline()
-        if not text:
-            raise ConnectionError("the daemon closed the connection")
+        while b"\n" not in self.buffer:
+            part = self.socket.recv(65536)
+            if not part:
+                raise ConnectionError("the daemon closed the connection")
+            self.buffer += part
+        text, _, self.buffer = self.buffer.partition(b"\n")
         return json.loads(text)
 
     def ask(self, cmd, **arguments):
@@ -109,7 +111,6 @@ class Control:
                 return message
 
     def close(self):
-        self.file.close()
         self.socket.close()
 
 
@@ -129,6 +130,8 @@ class Gateway:
         if text is not None:
             self.write(text, **write)
         theirs = []
+        while self.bus:
+            self.bus.pop().close()
         for _ in range(buses):
             mine, its = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
             mine.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 1 << 20)

@@ -149,7 +149,7 @@ def test_record_holds_everything_and_replays_bit_for_bit(gateway):
     assert gateway.stop() == 0
     header, live_entries = entries(gateway.folder / "live.drec")
     frames = [(t, p) for kind, _, t, p in live_entries if kind == 1]
-    assert [(struct.unpack_from("<q", m, 16)[0], m[8:16]) for m in sent] == [(t, p[8:]) for t, p in frames]
+    assert [(struct.unpack_from("<q", m, 16)[0], m[8:14]) for m in sent] == [(t, p[8:]) for t, p in frames]
     assert header["sources"][0]["name"] == "bus" and "can_id" in header["config"]
     samples = [p for kind, _, _, p in live_entries if kind == 3]
     assert len(samples) == 5000 and all(struct.unpack_from("<I", p)[0].bit_count() == 2 for p in samples)
