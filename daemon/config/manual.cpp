@@ -120,6 +120,16 @@ Several messages lost are a gap: the estimator's filters restart, parameters are
 Transmit identifiers of a `can` sink are refused where they collide with an identifier that is listened to, with CANopen control objects (NMT 0x000, SYNC 0x080,
 TIME 0x100, RPDO 0x200/0x300/0x400/0x500 + node, SDO 0x600 + node, LSS 0x7E4 and 0x7E5), or with J1939 groups that command a device (every addressed group but
 the proprietary one, and TSC1). `driveidd --dbc FILE` writes the DBC of what is sent, `driveidd --registers FILE` the table of Modbus registers.
+
+A frame of a `can` sink (8 bytes, little-endian): bytes 0..3 value, f32 SI; bytes 4..5 half-width of the 95 % interval, u16 in 1e-4 of |value|, rounded up, 65535 where it
+is larger or unknown; byte 6 bit 0 valid, bits 4..7 state (0 waiting, 1 identifying, 2 valid, 3 frozen, 4 stale, 5 error); byte 7 age in 0.1 s, 254 where it is 25.4 s or more,
+255 where there has been no value yet. Nothing is queued: a frame that the bus does not take is dropped and counted, so nothing stale is sent after an outage.
+
+Input registers of a `modbus_server`: each drive has state, alarm, rate in 0.1 Hz, and number of parameters (4 registers); each parameter has its value and half-width (f32, high
+word first), valid, and age in 0.1 s, 65535 where there has been no value yet (6 registers). Reading input registers is the only function that it answers.
+
+`SIGHUP` (or `reload` over the control socket) reads the file anew: a wrong one changes nothing; drives that are the same keep what they have learnt. `[control]`, `[security]` and
+`[system]` are read at start only.
 )";
 
 }  // namespace
