@@ -62,3 +62,37 @@ int driveid_solve_inverse(const double *a, int n, double small, double *inverse,
     }
     return rank;
 }
+
+static void swap_rows(double *a, int columns, int i, int j) {
+    for (int c = 0; c < columns; c++) {
+        const double x = a[i * columns + c];
+        a[i * columns + c] = a[j * columns + c];
+        a[j * columns + c] = x;
+    }
+}
+
+int driveid_solve_general(const double *a, int n, const double *scale, double *inverse) {
+    double w[2 * DRIVEID_SOLVE_MAX * DRIVEID_SOLVE_MAX];
+    const int wide = 2 * n;
+    for (int i = 0; i < n; i++)
+        for (int j = 0; j < n; j++) {
+            w[i * wide + j] = scale[i] > 0 && scale[j] > 0 ? a[i * n + j] * scale[i] * scale[j] : i == j;
+            w[i * wide + n + j] = i == j;
+        }
+    for (int k = 0; k < n; k++) {
+        int best = k;
+        for (int i = k + 1; i < n; i++)
+            if (fabs(w[i * wide + k]) > fabs(w[best * wide + k])) best = i;
+        if (!(fabs(w[best * wide + k]) > 1e-13)) return 0;
+        swap_rows(w, wide, k, best);
+        const double pivot = w[k * wide + k];
+        for (int c = 0; c < wide; c++) w[k * wide + c] /= pivot;
+        for (int i = 0; i < n; i++) {
+            const double f = w[i * wide + k];
+            for (int c = 0; c < wide && i != k; c++) w[i * wide + c] -= f * w[k * wide + c];
+        }
+    }
+    for (int i = 0; i < n; i++)
+        for (int j = 0; j < n; j++) inverse[i * n + j] = scale[i] > 0 && scale[j] > 0 ? w[i * wide + n + j] * scale[i] * scale[j] : 0;
+    return 1;
+}

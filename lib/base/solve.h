@@ -14,4 +14,8 @@
  * Returns the rank. Cost: n^3 multiply-adds. Accuracy: tests/unit/solve_test.cpp. */
 int driveid_solve_inverse(const double *a, int n, double small, double *inverse, double *pivot);
 
+/* Inverse of a general matrix by Gauss-Jordan elimination with row pivoting, after scaling rows and columns by scale[n] (zero: the variable
+ * is left out, its row and column of the inverse are zero). Returns 1, or 0 where it is singular. */
+int driveid_solve_general(const double *a, int n, const double *scale, double *inverse);
+
 #endif

@@ -54,6 +54,11 @@ static void split(driveid_svf_common *common, uint8_t *level) {
         if (j == equation->params) equation->param[equation->params++] = t->param;
         equation->place[t->param] = (uint8_t)j;
     }
+    for (unsigned i = 0; i < r->terms; i++) {
+        const driveid_term *t = &r->term[i];
+        fsm_equation *equation = &common->equation[t->equation];
+        if (t->derivative == equation->order) equation->output = (int8_t)(t->param == DRIVEID_TERM_KNOWN ? -1 : equation->place[t->param]);
+    }
     for (unsigned e = 0; e < r->equations; e++)
         common->equation[e].columns = (uint8_t)(common->equation[e].params + common->equation[e].order + 1);
     common->sections = (uint8_t)(highest + 2);

@@ -55,24 +55,42 @@ static double quadratic(const fsm_equation *q, const double *g, const double *th
     return sum;
 }
 
-/* Normal equations of all equations, each weighted by its residual variance; h[params^2] keeps the inverse. */
-static int least_squares(const driveid_svf_common *common, const fsm_sums *sums, const double *variance, double small,
-                         double *h, fsm_solution *out) {
+/* Column that stands for column i as instrument. The highest derivative is the equation's output: it carries most of the encoder's noise and
+ * all of the unmeasured torque, which would bias it as regressor; the known side y takes its place. */
+static int instrument(const fsm_equation *q, const double *s, int i) {
+    const int n = q->params + 1;
+    return i == q->output && s[n * n - 1] > 0 ? n - 1 : i;
+}
+
+/* All equations together, each weighted by its residual variance: rank from the normal matrix, theta by instruments;
+ * h[params^2] keeps the inverse of sum z phi'. */
+static int solve_all(const driveid_svf_common *common, const fsm_sums *sums, const double *variance, double small,
+                     double *h, fsm_solution *out) {
     const int p = common->regression.params;
-    double normal[DRIVEID_THETA_MAX * DRIVEID_THETA_MAX] = {0}, right[DRIVEID_THETA_MAX] = {0};
+    double normal[DRIVEID_THETA_MAX * DRIVEID_THETA_MAX] = {0}, cross[DRIVEID_THETA_MAX * DRIVEID_THETA_MAX] = {0};
+    double right[DRIVEID_THETA_MAX] = {0}, plain[DRIVEID_THETA_MAX] = {0}, scale[DRIVEID_THETA_MAX];
     for (int e = 0; e < common->regression.equations; e++) {
         const fsm_equation *q = &common->equation[e];
         const int n = q->params + 1;
         for (int i = 0; i < n - 1; i++) {
-            right[q->param[i]] += sums[e].s[i * n + n - 1] / variance[e];
-            for (int j = 0; j < n - 1; j++) normal[q->param[i] * p + q->param[j]] += sums[e].s[i * n + j] / variance[e];
+            const int z = instrument(q, sums[e].s, i);
+            const double size = z == i ? 1 : sqrt(sums[e].s[i * n + i] / sums[e].s[n * n - 1]); /* y as large as what it stands for */
+            right[q->param[i]] += size * sums[e].s[z * n + n - 1] / variance[e];
+            plain[q->param[i]] += sums[e].s[i * n + n - 1] / variance[e];
+            for (int j = 0; j < n - 1; j++) {
+                normal[q->param[i] * p + q->param[j]] += sums[e].s[i * n + j] / variance[e];
+                cross[q->param[i] * p + q->param[j]] += size * sums[e].s[z * n + j] / variance[e];
+            }
         }
     }
     out->rank = driveid_solve_inverse(normal, p, small, h, out->pivot);
+    for (int i = 0; i < p; i++) scale[i] = out->pivot[i] > 0 ? 1 / sqrt(normal[i * p + i]) : 0;
+    out->instruments = driveid_solve_general(cross, p, scale, out->cov);
+    if (out->instruments) memcpy(h, out->cov, sizeof(double) * (size_t)(p * p));
     out->condition = 1;
     for (int i = 0; i < p; i++) {
         double sum = 0;
-        for (int j = 0; j < p; j++) sum += h[i * p + j] * right[j];
+        for (int j = 0; j < p; j++) sum += h[i * p + j] * (out->instruments ? right[j] : plain[j]);
         out->theta[i] = sum;
         if (out->pivot[i] > 0) out->condition = fmax(out->condition, 1 / out->pivot[i]);
     }
@@ -89,14 +107,14 @@ static int lags_needed(const double *r, double rows) {
     int last = 0;
     for (int lag = 1; lag < FSM_LAGS; lag++)
         if (fabs(r[lag]) > 3 * fabs(r[0]) / sqrt(rows)) last = lag;
-    const int wanted = 3 + 2 * last, most = (int)fmax(1, rows / 6);
+    const int wanted = 4 + 3 * last, most = (int)fmax(1, rows / 6);
     return wanted < FSM_LAGS ? (wanted < most ? wanted : most) : (FSM_LAGS < most ? FSM_LAGS : most);
 }
 
 /* Long-run covariance of one equation's score, into score[params^2] (theta order): sum of r(lag) Gamma(lag), Parzen window.
  * What the fit takes out of the residual it takes out near the regressors' own frequencies, so the window's band, not the whole record,
  * pays for the unknowns. Returns the degrees of freedom left. */
-static double add_score(const driveid_svf_common *common, const fsm_sums *sums, int e, int *settled, double variance, const double *theta, double *score) {
+static double add_score(const driveid_svf_common *common, const fsm_sums *sums, int e, int *settled, int instruments, double variance, const double *theta, double *score) {
     const fsm_equation *q = &common->equation[e];
     const int p = common->regression.params, n = q->params + 1;
     const double coarse = sums->coarse, rows = sums->rows;
@@ -108,12 +126,15 @@ static double add_score(const driveid_svf_common *common, const fsm_sums *sums, 
     *settled = tail < 0.12 * r[0];
     const double band = fmin(rows, 3.7 * rows / lags), freedom = fmax(1, band - q->params - q->order);
     const double scale = band / freedom / (coarse * coarse * variance * variance);
+    const double replaced = q->output >= 0 && sums->s[n * n - 1] > 0 ? sqrt(sums->s[q->output * n + q->output] / sums->s[n * n - 1]) : 1;
     for (int lag = 0; lag < lags; lag++) {
         const double share = parzen((double)lag / lags) * r[lag] * scale;
         for (int i = 0; i < n - 1; i++)
             for (int j = 0; j < n - 1; j++) {
-                const double g = lag ? sums->g[lag][i * n + j] + sums->g[lag][j * n + i] : sums->g[0][i * n + j];
-                score[q->param[i] * p + q->param[j]] += share * g;
+                const int a = instruments ? instrument(q, sums->s, i) : i, b = instruments ? instrument(q, sums->s, j) : j;
+                const double size = (a == i ? 1 : replaced) * (b == j ? 1 : replaced);
+                const double g = lag ? sums->g[lag][a * n + b] + sums->g[lag][b * n + a] : sums->g[0][a * n + b];
+                score[q->param[i] * p + q->param[j]] += share * size * g;
             }
     }
     return freedom;
@@ -130,7 +151,7 @@ static void sandwich(int p, const double *h, const double *score, double *cov) {
     for (int i = 0; i < p; i++)
         for (int j = 0; j < p; j++) {
             double sum = 0;
-            for (int k = 0; k < p; k++) sum += left[i * p + k] * h[k * p + j];
+            for (int k = 0; k < p; k++) sum += left[i * p + k] * h[j * p + k];
             cov[i * p + j] = sum;
         }
 }
@@ -191,7 +212,7 @@ double fsm_score(const driveid_svf_common *common, int e, const fsm_sums *sums, 
             for (int j = 0; j < n - 1; j++) own[q->param[i]] += inverse[i * (n - 1) + j] * sums->s[j * n + n - 1];
         }
     if (sums->pole_rad_s > 0 && noise_rises(common, e, sums->pole_rad_s, own)) return INFINITY;
-    add_score(common, sums, e, &settled, 1, own, score);
+    add_score(common, sums, e, &settled, 0, 1, own, score);
     if (sums->pole_rad_s > 0 && !settled) return INFINITY;
     double total = 0;
     for (int i = 0; i < n - 1; i++) {
@@ -216,16 +237,16 @@ int fsm_solve(const driveid_svf_common *common, const fsm_sums *sums, double sma
         for (int i = 0; i < n; i++) trace += sums[e].s[i * n + i];
         variance[e] = equations > 1 && trace > 0 ? trace / sums[e].weight : 1;
     }
-    least_squares(common, sums, variance, small, h, out);
+    solve_all(common, sums, variance, small, h, out);
     for (int e = 0; e < equations && equations > 1; e++) {
         const double r = quadratic(&common->equation[e], sums[e].s, out->theta) / sums[e].weight;
         variance[e] = fmax(r, 1e-20 * variance[e]);
     }
-    if (equations > 1) least_squares(common, sums, variance, small, h, out);
+    if (equations > 1) solve_all(common, sums, variance, small, h, out);
     out->freedom = INFINITY;
     out->rows = INFINITY;
     for (int e = 0; e < equations; e++) {
-        out->freedom = fmin(out->freedom, add_score(common, &sums[e], e, &settled, variance[e], out->theta, score));
+        out->freedom = fmin(out->freedom, add_score(common, &sums[e], e, &settled, out->instruments, variance[e], out->theta, score));
         out->rows = fmin(out->rows, sums[e].rows);
     }
     sandwich(p, h, score, out->cov);

@@ -21,7 +21,7 @@ typedef struct fsm_solution {
     double share[DRIVEID_THETA_MAX];   /* rms of the parameter's column over rms of y or of its equation */
     double pivot[DRIVEID_THETA_MAX];   /* what no other column explains, of 1; 0: cannot be told apart */
     double residual_rms, rows, freedom, condition;
-    int rank;
+    int rank, instruments;             /* instruments: 0 where they failed and plain least squares was taken */
 } fsm_solution;
 
 /* solved[order x columns]: initial-condition columns as combinations of the others, by least squares. */
