@@ -102,7 +102,8 @@ void bind(nb::module_ &m, const char *name, const char *doc) {
 }
 
 nb::tuple series(const std::string &model, const Record &record) {
-    RecordViews view(std::vector<Record>{record});
+    const std::vector<Record> one{record};   // outlives the view: it points into it
+    RecordViews view(one);
     char *json = nullptr;
     double *data = nullptr;
     std::string message(1024, '\0');
