@@ -42,6 +42,7 @@ typedef struct driveid_estimator_options {
     double dt_s;           /* nominal sample time; the true one comes from the stamps */
     double bandwidth_rad_s;/* of the filter bank; 0: chosen from dt_s */
     double forgetting_s;   /* memory of the long-running scheme; 0: default 10 s; INFINITY: never forget */
+    double answer_s;       /* time between solves; 0: 20 ms, or 3/bandwidth where that is longer */
     double gap_s;          /* a longer silence is a gap; 0: 5 dt_s */
     double alarm;          /* residual alarm threshold (monitor.h); 0: default, < 0: never restart */
     double model_error;    /* relative error that no statistics of the record can see (a sign between stamps, kinks of a current): its share of
