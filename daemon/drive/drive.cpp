@@ -43,6 +43,7 @@ void Drive::take(const Drive& o) {
     for (size_t k = 0; k < registers_.size(); ++k) registers_[k].scaler = o.registers_[k].scaler;
     counter_primed_ = o.counter_primed_, last_counter_ = o.last_counter_, instant_ns_ = o.instant_ns_;
     aligner_ = o.aligner_;
+    pacer_ = o.pacer_;
     counters_ = o.counters_;
     first_ns_ = o.first_ns_, last_ns_ = o.last_ns_, next_report_ns_ = o.next_report_ns_, first_after_restart_ns_ = o.first_after_restart_ns_;
     mean_dt_s_ = o.mean_dt_s_, jitter_ns_ = o.jitter_ns_, first_trusted_s_ = o.first_trusted_s_;
@@ -154,7 +155,9 @@ bool Drive::counter_says_skip(const canfd_frame& f) {
 
 void Drive::values(uint32_t mask, const double* value, const driveid_stamp& stamp) {
     driveid_sample s;
-    if (aligner_.add(mask, value, stamp, s)) sample(s);
+    if (!aligner_.add(mask, value, stamp, s)) return;
+    if (config_.paced) s.stamp.t_ns = pacer_.instant(s.stamp.t_ns);
+    sample(s);
 }
 
 void Drive::gap(int source, uint64_t lost) {
@@ -162,6 +165,7 @@ void Drive::gap(int source, uint64_t lost) {
     counters_.dropped += lost;
     ++counters_.gaps;
     aligner_.restart();
+    pacer_.restart();
 }
 
 void Drive::restart() {
@@ -170,6 +174,7 @@ void Drive::restart() {
     for (auto& s : can_) s.scaler.forget();
     for (auto& s : registers_) s.scaler.forget();
     aligner_.restart();
+    pacer_.restart();
     status_ = DRIVEID_NOT_YET;
     for (auto& p : parameters_) p.trusted = false;
 }

@@ -12,6 +12,7 @@
 #include "config/config.hpp"
 #include "drive/align.hpp"
 #include "drive/field.hpp"
+#include "drive/pace.hpp"
 #include "source/source.hpp"
 
 namespace gw {
@@ -114,6 +115,7 @@ private:
     uint64_t last_counter_ = 0;
     int64_t instant_ns_ = 0;         // stamp of the last frame that marks the sampling instant
     Aligner aligner_;
+    Pacer pacer_;
     DriveCounters counters_;
     bool replayed_ = false;
     int64_t first_ns_ = 0, last_ns_ = 0, next_report_ns_ = 0, first_after_restart_ns_ = 0;

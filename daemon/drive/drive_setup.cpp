@@ -86,6 +86,7 @@ void Drive::make_signals(const Config& all) {
         align.sync = sync;
     }
     aligner_ = Aligner(align);
+    pacer_ = Pacer(int64_t(config_.dt_s * 1e9), int64_t(std::max(50 * config_.dt_s, config_.gap_s) * 1e9));
     try {
         make_estimator(present);
     } catch (const std::runtime_error& e) {

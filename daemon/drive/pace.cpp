@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "drive/pace.hpp"
+
+#include <algorithm>
+
+namespace gw {
+
+namespace {
+constexpr int kSteadyRow = 8;
+constexpr int64_t kPpm = 200;
+}  // namespace
+
+int64_t Pacer::instant(int64_t arrival_ns) {
+    const int64_t since = arrival_ns - last_arrival_ns_;
+    last_arrival_ns_ = arrival_ns;
+    if (!running_ || since > silence_ns_ || since < -silence_ns_) {
+        running_ = true;
+        steady_ = 0;
+        return last_ns_ = arrival_ns;
+    }
+    const int64_t expected = last_ns_ + period_ns_ + period_ns_ * kPpm / 1000000;
+    const bool regular = 2 * since > period_ns_ && 2 * since < 3 * period_ns_;
+    steady_ = regular && arrival_ns - expected >= period_ns_ / 2 ? steady_ + 1 : 0;
+    if (steady_ >= kSteadyRow) {
+        steady_ = 0;
+        return last_ns_ = arrival_ns;
+    }
+    // Never back, and never onto the last instant.
+    last_ns_ = std::max(std::min(arrival_ns, expected), last_ns_ + period_ns_ / 4);
+    return last_ns_;
+}
+
+}  // namespace gw
