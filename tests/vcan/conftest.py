@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A gateway on the machine's CAN interfaces. DRIVEIDD names another daemon (a sanitizer's build)."""
+"""A gateway on the machine's CAN interfaces. DRIVEID_DAEMON names another daemon (a sanitizer's build)."""
 import os
 import subprocess
 import sys
@@ -13,7 +13,7 @@ sys.path += [str(ROOT / "tools" / "story"), str(ROOT / "tests" / "golden")]
 from gateway import Control, Programs  # noqa: E402
 
 BUILD = Path(os.environ.get("DRIVEID_BUILD", ROOT / "build"))
-DAEMON = Path(os.environ.get("DRIVEIDD", BUILD / "daemon/driveidd"))
+DAEMON = Path(os.environ.get("DRIVEID_DAEMON", BUILD / "daemon/driveidd"))
 SIM = BUILD / "tools/sim/driveid-sim"
 BLAST = BUILD / "tools/bench_gateway/can_blast"
 

@@ -38,6 +38,11 @@ def free_port():
         return s.getsockname()[1]
 
 
+def pace(config):
+    """Say that the drive samples exactly: the sender shares this processor, and its frames leave late, by its scheduler's whim."""
+    config.write_text(config.read_text().replace("\ndt_s =", "\npaced = true\ngap_s = 0.05\ndt_s ="))
+
+
 def wait_for(condition, patience_s, what, check):
     until = time.monotonic() + patience_s
     while not condition():
@@ -104,6 +109,8 @@ def live_acts(given, programs):
                                    "--factor", factor, "--truth", "truth.json", "--config", "driveidd.toml", "--socket", folder / "control.sock"])
     wait_for((folder / "truth.json").exists, 15, "the simulated drive's start", programs.check)
     began = time.monotonic()
+    if on_can:
+        pace(folder / "driveidd.toml")
     programs.start("driveidd", [DAEMON, "driveidd.toml"])
     control = Control(folder / "control.sock", check=programs.check)
     phases = json.loads((folder / "truth.json").read_text())["phases"]
@@ -136,6 +143,8 @@ def replay_act(given, programs):
     console.print(f"recorded drive: {source}, as frames")
     subprocess.run([SIM, "frames", source, "--map", "F_N=force_N", "--map", "x_m=q_meas_m", "--structure", "linear_axis", "--model", model, "--log", "frames.log",
                     "--config", "replay.toml", "--socket", folder / "replay.sock", "--interface", "vcan1", *(["--live"] if on_can else [])], cwd=folder, check=True, capture_output=True)
+    if on_can:
+        pace(folder / "replay.toml")
     programs.start("driveidd-replay", [DAEMON, "replay.toml"])
     control = Control(folder / "replay.sock", check=programs.check)
     if on_can:
