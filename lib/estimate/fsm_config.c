@@ -47,7 +47,10 @@ static void split(driveid_svf_common *common, uint8_t *level) {
         if (t->derivative == 0) level[t->channel] = 1;
         if (t->derivative > equation->order) equation->order = t->derivative;
         if (t->derivative > highest) highest = t->derivative;
-        if (t->param == DRIVEID_TERM_KNOWN) continue;
+        if (t->param == DRIVEID_TERM_KNOWN) {
+            equation->known = 1;
+            continue;
+        }
         if (t->derivative > 0) common->motion_mask |= UINT32_C(1) << t->param;
         unsigned j = 0;
         while (j < equation->params && equation->param[j] != t->param) j++;
@@ -78,8 +81,8 @@ driveid_status fsm_configure_common(driveid_svf_common *common, const driveid_re
     const char *fault = fault_in(regression);
     if (fault) return refuse(reason, reason_size, fault);
     if (!(options->dt_s > 0) || !isfinite(options->dt_s)) return refuse(reason, reason_size, "dt_s must be the nominal sample time, above 0");
-    if (options->bandwidth_rad_s < 0 || options->forgetting_s < 0 || options->gap_s < 0 || isnan(options->alarm) || !isfinite(options->model_error))
-        return refuse(reason, reason_size, "bandwidth_rad_s, forgetting_s and gap_s must not be negative");
+    if (options->bandwidth_rad_s < 0 || options->forgetting_s < 0 || options->gap_s < 0 || options->answer_s < 0 || isnan(options->alarm) || !isfinite(options->model_error))
+        return refuse(reason, reason_size, "bandwidth_rad_s, forgetting_s, answer_s and gap_s must not be negative");
     common->regression = *regression;
     common->options = *options;
     resolve(&common->options, regression);
@@ -88,7 +91,7 @@ driveid_status fsm_configure_common(driveid_svf_common *common, const driveid_re
     split(common, level);
     common->row_ns = (int64_t)(0.5e9 / o->bandwidth_rad_s);
     if (common->row_ns < (int64_t)(1e9 * o->dt_s)) common->row_ns = (int64_t)(1e9 * o->dt_s);
-    common->solve_ns = (int64_t)fmax(6.0 * (double)common->row_ns, 2e7);
+    common->solve_ns = (int64_t)(o->answer_s > 0 ? 1e9 * o->answer_s : fmax(6.0 * (double)common->row_ns, 2e7));
     common->gap_ns = (int64_t)(1e9 * o->gap_s);
     memset(common->chosen, -1, sizeof common->chosen);
     common->status = DRIVEID_NOT_YET;

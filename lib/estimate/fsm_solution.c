@@ -8,6 +8,7 @@
 
 #define ROWS_FIRST 10.0      /* coarse rows beyond the unknowns before anything is said */
 #define ROWS_LATER 50.0      /* and before a prefiltered stage is believed */
+#define SCALE_LEAST 1e-6     /* of the known side's mean square must be its own */
 #define EXCESS 1.3           /* output noise may weigh so much more at low frequency than at high, behind a prefilter */
 
 void fsm_solve_initial(const fsm_equation *q, const double *s, double small, double *solved) {
@@ -62,6 +63,24 @@ static int instrument(const fsm_equation *q, const double *s, int i) {
     return i == q->output && s[n * n - 1] > 0 ? n - 1 : i;
 }
 
+/* Does the known side hold more than the other columns explain without the output? If not (a constant torque beside a constant load, coasting),
+ * the equation also holds with its output's parameter zero, and none of its parameters has a scale. */
+static int has_scale(const fsm_equation *q, const double *s, double small) {
+    double a[FSM_PACKED * FSM_PACKED] = {0}, inverse[FSM_PACKED * FSM_PACKED], pivot[FSM_PACKED];
+    const int n = q->params + 1, y = n - 1;
+    int column[FSM_PACKED], size = 0;
+    if (!q->known || q->output < 0) return 1;
+    for (int i = 0; i < y; i++)
+        if (i != q->output) column[size++] = i;
+    for (int i = 0; i < size; i++)
+        for (int j = 0; j < size; j++) a[i * size + j] = s[column[i] * n + column[j]];
+    driveid_solve_inverse(a, size, small, inverse, pivot);
+    double left = s[y * n + y];
+    for (int i = 0; i < size; i++)
+        for (int j = 0; j < size; j++) left -= s[y * n + column[i]] * inverse[i * size + j] * s[y * n + column[j]];
+    return left > SCALE_LEAST * s[y * n + y];
+}
+
 /* All equations together, each weighted by its residual variance: rank from the normal matrix, theta by instruments;
  * h[params^2] keeps the inverse of sum z phi'. */
 static int solve_all(const driveid_svf_common *common, const fsm_sums *sums, const double *variance, double small,
@@ -83,7 +102,13 @@ static int solve_all(const driveid_svf_common *common, const fsm_sums *sums, con
             }
         }
     }
-    out->rank = driveid_solve_inverse(normal, p, small, h, out->pivot);
+    driveid_solve_inverse(normal, p, small, h, out->pivot);
+    for (int e = 0; e < common->regression.equations; e++) {
+        const fsm_equation *q = &common->equation[e];
+        for (int i = 0; i < q->params && !has_scale(q, sums[e].s, small); i++) out->pivot[q->param[i]] = 0;
+    }
+    out->rank = 0;
+    for (int i = 0; i < p; i++) out->rank += out->pivot[i] > 0;
     for (int i = 0; i < p; i++) scale[i] = out->pivot[i] > 0 ? 1 / sqrt(normal[i * p + i]) : 0;
     out->instruments = driveid_solve_general(cross, p, scale, out->cov);
     if (out->instruments) memcpy(h, out->cov, sizeof(double) * (size_t)(p * p));

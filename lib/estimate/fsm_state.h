@@ -33,6 +33,7 @@ typedef struct fsm_equation {
     uint8_t params, order, columns;          /* columns = params + order + 1, the last one is y */
     int8_t param[DRIVEID_THETA_MAX];         /* theta index of each column */
     uint8_t place[DRIVEID_THETA_MAX];        /* column of each theta index */
+    uint8_t known;                           /* 1: it has known terms */
     int8_t output;                           /* column that carries the highest derivative, -1: it is known */
 } fsm_equation;
 
