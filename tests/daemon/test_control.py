@@ -53,8 +53,8 @@ def test_socket_permissions(gateway):
 def test_events_reach_subscribers(running):
     control = running.control()
     control.ask("subscribe", topics=["estimate", "sample", "event", "status"], drives=["axis1"], decimate=10)
-    axis = Axis()
-    running.feed(axis, 1000)
+    axis, start = Axis(), time.monotonic_ns() - 3_000_000_000
+    running.feed(axis, 1000, start)
     seen = {}
     while not {"estimate", "sample", "status"} <= seen.keys() or seen["sample"] < 100:
         event = control.line()
@@ -63,7 +63,7 @@ def test_events_reach_subscribers(running):
             assert set(event["values"]) == {"i_q_A", "theta_rad"} and event["drive"] == "axis1"
     assert seen["sample"] == 100
     control.ask("unsubscribe")
-    running.feed(axis, 1000)
+    running.feed(axis, 1000, start)
     assert control.ask("hello")["ok"]
 
 
@@ -157,11 +157,11 @@ def test_a_subscriber_that_does_not_read_loses_the_oldest_and_is_told(gateway):
     gateway.start(SOCKETPAIR + drive(), control="queue_bytes = 65536")
     slow = gateway.control()
     slow.ask("subscribe", topics=["sample"])
-    axis, total = Axis(), 12000
-    gateway.feed(axis, 2000)
+    axis, total, start = Axis(), 12000, time.monotonic_ns() - 20_000_000_000
+    gateway.feed(axis, 2000, start)
     gateway.settle(2000)
     memory = gateway.memory_kB()
-    gateway.feed(axis, total - 2000)
+    gateway.feed(axis, total - 2000, start)
     status = gateway.settle(total)
     assert status["sources"][0]["used"] == total, "the slow one holds nobody up"
     assert gateway.memory_kB() - memory < 1000
@@ -179,7 +179,7 @@ def test_a_subscriber_that_does_not_read_loses_the_oldest_and_is_told(gateway):
                 lost += event["count"]
     except TimeoutError:
         pass
-    gateway.feed(axis, 10)
+    gateway.feed(axis, 10, start)
     slow.socket.settimeout(5)
     while samples + lost < total + 10:
         event = slow.line()

@@ -12,25 +12,15 @@ from gateway import SOCKETPAIR, Axis, J, drive, frame, near_truth, parameters
 
 
 @pytest.mark.parametrize("number_type", ["f64", "f32"])
-def test_parameters_arrive_and_follow_a_load_change(gateway, number_type):
-    gateway.start(SOCKETPAIR + drive(type=number_type))
-    axis = Axis()
-    start = time.monotonic_ns() - 20_000_000_000
-    gateway.feed(axis, 8000, start)
+def test_parameters_arrive(gateway, number_type):
+    gateway.start(SOCKETPAIR + drive(type=number_type, keys="stale_s = 1000"))
+    gateway.feed(Axis(), 8000)
     status = gateway.settle(8000)
     shown = status["drives"][0]
     assert shown["time_to_first_trusted_s"] < 3
-    assert near_truth(gateway_live(gateway, axis)), json.dumps(status["drives"])
+    assert near_truth(status), json.dumps(status["drives"])
     assert abs(shown["rate_Hz"] - 1000) < 5
     assert shown["structure"] == "rigid_axis" and shown["type"] == number_type
-
-
-def gateway_live(gateway, axis, n=300):
-    """Status just after a few samples with stamps of now, so that nothing is stale."""
-    base = time.monotonic_ns() - round((axis.k + n) * axis.dt_s * 1e9)
-    before = gateway.status()["sources"][0]["frames"]
-    gateway.feed(axis, n, base)
-    return gateway.settle(before + n)
 
 
 def test_load_change_is_followed_and_never_shown_as_valid_while_wrong(gateway):

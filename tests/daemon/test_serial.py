@@ -1,0 +1,189 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Serial ports over a pty: an slcan adapter that stutters, is unplugged and comes back; Modbus RTU units on one line."""
+import os
+import select
+import struct
+import termios
+import threading
+import time
+import tty
+
+import pytest
+from gateway import Axis, drive
+
+
+class Port:
+    """One end of a pty under a fixed name, as a USB adapter has it."""
+
+    def __init__(self, link):
+        self.link, self.master = link, None
+        self.plug()
+
+    def plug(self):
+        self.master, slave = os.openpty()
+        tty.setraw(slave, termios.TCSANOW)
+        name = os.ttyname(slave)
+        self.link.unlink(missing_ok=True)
+        self.link.symlink_to(name)
+        self.slave = slave                       # kept open until the daemon has it, so that nothing hangs up
+
+    def ready(self):
+        os.close(self.slave)
+
+    def unplug(self):
+        os.close(self.master)
+        self.link.unlink()
+
+    def write(self, data):
+        while data:
+            data = data[os.write(self.master, data[:512]):]
+
+    def read(self, seconds=5.0):
+        return os.read(self.master, 4096) if select.select([self.master], [], [], seconds)[0] else b""
+
+
+def slcan(device):
+    return f'[[source]]\nname = "bus"\nkind = "slcan"\ndevice = "{device}"\nbitrate = 250000\n'
+
+
+def lines(axis, n):
+    for message in axis.frames(n, 0):
+        yield b"t1816" + message[8:14].hex().upper().encode() + b"\r"
+
+
+def test_slcan_adapter(gateway, tmp_path):
+    port = Port(tmp_path / "ttyACM0")
+    gateway.start(slcan(port.link) + drive() + '[[sink]]\nname = "out"\nkind = "can"\nsource = "bus"\ndrive = "axis1"\ncan_id = 0x5A0\nperiod_s = 0.05\n', buses=0)
+    assert port.read().startswith(b"C\rS5\rO\r")
+    port.ready()
+    assert gateway.until(lambda s: s["sources"][0]["state"] == "open")
+    axis = Axis()
+    good = list(lines(axis, 300))
+    # Lines split anywhere, answers of the adapter, garbage, a bell, a line without end.
+    text = b"z\r" + b"".join(good[:100]) + b"V1013\r" + b"t18\r" + b"\xff\xfe\x00\r" + b"t1816ZZ\r" + b"\a" + b"x" * 500 + b"\r" + b"".join(good[100:])
+    for at in range(0, len(text), 37):
+        port.write(text[at:at + 37])
+        if at % 1000 < 37:
+            time.sleep(0.005)
+    source = gateway.until(lambda s: s["sources"][0]["used"] >= 300)["sources"][0]
+    assert (source["used"], source["rejected"]) == (300, 5) and source["frames"] == 305
+    assert source["clock"] == "daemon"
+    sent = port.read()
+    assert b"t5A08" in sent and b"t5A18" in sent
+    port.unplug()
+    gateway.until(lambda s: s["sources"][0]["state"] != "open", 10, "the unplugged adapter being noticed")
+    port.plug()
+    began = time.monotonic()
+    gateway.until(lambda s: s["sources"][0]["state"] == "open", 15, "the adapter coming back")
+    port.ready()
+    port.write(b"".join(lines(axis, 50)))
+    gateway.until(lambda s: s["sources"][0]["used"] >= 350)
+    print(f"adapter back {time.monotonic() - began:.2f} s after it was plugged in")
+
+
+def crc16(data):
+    crc = 0xFFFF
+    for byte in data:
+        crc ^= byte
+        for _ in range(8):
+            crc = crc >> 1 ^ 0xA001 if crc & 1 else crc >> 1
+    return struct.pack("<H", crc)
+
+
+class Units(threading.Thread):
+    """Modbus RTU devices on one line, from the specification. Dead ones do not answer."""
+
+    def __init__(self, port, alive):
+        super().__init__(daemon=True)
+        self.port, self.alive, self.asked, self.gaps, self.running = port, alive, {}, [], True
+        self.start()
+
+    def run(self):
+        buffer, last = b"", 0.0
+        while self.running:
+            if not select.select([self.port.master], [], [], 0.1)[0]:
+                buffer = b""
+                continue
+            try:
+                buffer += os.read(self.port.master, 256)
+            except OSError:
+                return
+            if len(buffer) < 8:
+                continue
+            request, buffer = buffer[:8], b""
+            unit, function, address, count = struct.unpack(">BBHH", request[:6])
+            if request[6:] != crc16(request[:6]):
+                continue
+            self.gaps.append(time.monotonic() - last)
+            self.asked[unit] = self.asked.get(unit, 0) + 1
+            if unit in self.alive:
+                body = struct.pack(">BBB", unit, function, 2 * count) + struct.pack(f">{count}H", *(unit * 100 + address + k for k in range(count)))
+                last = time.monotonic()
+                os.write(self.port.master, body + crc16(body))
+
+
+def rtu(name, device, unit):
+    return f'[[source]]\nname = "{name}"\nkind = "modbus_rtu"\ndevice = "{device}"\nbaud = 19200\nunit = {unit}\npoll_s = 0.02\ntimeout_s = 0.1\n'
+
+
+def axis(name, source):
+    return f"""
+[[drive]]
+name = "{name}"
+structure = "rigid_axis"
+dt_s = 0.02
+  [[drive.signal]]
+  name = "tau_Nm"
+  source = "{source}"
+  address = 5
+  [[drive.signal]]
+  name = "omega_rad_s"
+  source = "{source}"
+  address = 6
+"""
+
+
+def test_one_dead_unit_does_not_starve_the_others(gateway, tmp_path):
+    port = Port(tmp_path / "ttyUSB0")
+    units = Units(port, alive={1, 3})
+    gateway.start("".join(rtu(f"u{k}", port.link, k) + axis(f"a{k}", f"u{k}") for k in (1, 2, 3)), buses=0)
+    port.ready()
+    began = {1: 0, 3: 0}
+    gateway.until(lambda s: s["sources"][0]["frames"] > 5 and s["sources"][2]["frames"] > 5)
+    began = dict(units.asked)
+    time.sleep(3)
+    asked = {k: units.asked[k] - began.get(k, 0) for k in units.asked}
+    # At 50 polls a second 3 s are 150; the dead one costs its time-out of 0.1 s, ever more seldom.
+    assert asked[1] > 60 and asked[3] > 60 and asked.get(2, 0) <= 10, asked
+    status = gateway.status()
+    assert status["sources"][1]["state"] == "down" and status["sources"][1]["frames"] == 0
+    assert status["sources"][0]["frames"] == status["sources"][0]["used"]
+    after_reply = [g for g in units.gaps[10:] if g < 1]
+    assert min(after_reply) > 38.5 / 19200 * 0.95, "3.5 characters of silence before each request"
+    units.alive.add(2)
+    gateway.until(lambda s: s["sources"][1]["frames"] > 5, 15)
+    units.running = False
+    control = gateway.control()
+    assert control.ask("status")["ok"]
+
+
+def test_a_missing_port_is_told_and_found_later(gateway, tmp_path):
+    link = tmp_path / "ttyUSB9"
+    gateway.start(rtu("u1", link, 1) + axis("a", "u1"), buses=0)
+    assert gateway.until(lambda s: s["sources"][0]["errors"] >= 1)["sources"][0]["last_error"]
+    port = Port(link)
+    units = Units(port, alive={1})
+    gateway.until(lambda s: s["sources"][0]["frames"] > 5, 15)
+    port.ready()
+    units.running = False
+
+
+@pytest.mark.parametrize("bitrate", [1, 300000])
+def test_impossible_rates_are_refused(tmp_path, bitrate):
+    import subprocess
+
+    from gateway import DAEMON
+
+    (tmp_path / "a.toml").write_text(slcan("/dev/x").replace("250000", str(bitrate)) + drive())
+    done = subprocess.run([DAEMON, "--check", "a.toml"], cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 2 and "bitrate" in done.stderr
