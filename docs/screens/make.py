@@ -48,6 +48,7 @@ def pages(browser, server: Server, scheme: str, size: tuple[int, int], suffix: s
     for name, query in (("compare", {"add": first, "models": "0,1", "t": "2,9"}), ("where", {}), ("missing", {}), ("falls", {"add": chain})):
         screen.go(name, **query)
         screen.until(READY[name], 300)
+        screen.until("document.querySelectorAll('[role=progressbar]').length === 0", 300)
         if name == "where":
             select_cloud(screen)
         screen.page.wait_for_timeout(600)

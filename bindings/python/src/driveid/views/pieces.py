@@ -94,12 +94,19 @@ def records(items: list[Record]) -> str:
     return table(["record", "", "rows", "length", "SHA-256"], rows, {2}) if rows else '<p class="soft">No record.</p>'
 
 
-def answer(item: Answer, notices: list[str]) -> str:
-    """The verdict as the first thing that one reads."""
+def answer(item: Answer, notices: list[str], fold: bool = False) -> str:
+    """The verdict as the first thing that one reads; many notices may be folded."""
     lines = "".join(f"<li>{escape(n)}</li>" for n in notices)
     advice = f'<p class="advice">{escape(item.advice)}</p>' if item.advice else ""
     return (f'<section class="card answer {escape(item.verdict)}"><p class="headline">{escape(item.headline)}</p>'
-            f"<p>{escape(item.sentence)}</p>{advice}" + (f'<ul class="notices">{lines}</ul>' if lines else "") + "</section>")
+            f"<p>{escape(item.sentence)}</p>{advice}{_notices(lines, len(notices), fold)}</section>")
+
+
+def _notices(lines: str, count: int, fold: bool) -> str:
+    if not lines:
+        return ""
+    shown = f'<ul class="notices">{lines}</ul>'
+    return f"<details><summary>{count} notices about data and model</summary>{shown}</details>" if fold and count > 2 else shown
 
 
 def regimes(items: list[Regime], most: int = 10) -> str:

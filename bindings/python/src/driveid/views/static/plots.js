@@ -60,12 +60,12 @@ export class TimePlot {
     }));
     this.plot = new uPlot({
       width: Math.max(place.clientWidth, 80), height: options.height, legend: { show: false }, ms: 1e-3,
-      cursor: { drag: { x: Boolean(options.onZoom), y: false, setScale: true, dist: 5 }, sync: options.sync ? { key: options.sync, scales: ["x", null] } : undefined, points: { size: 5 }, x: true, y: false },
+      cursor: { drag: { x: Boolean(options.onZoom), y: false, setScale: false, dist: 5 }, sync: options.sync ? { key: options.sync, scales: ["x", null] } : undefined, points: { size: 5 }, x: true, y: false },
       scales: { x: { time: false, range: () => this.span }, y: { range: (u) => this.range(...extent(u.data, this.span)) } },
       padding: [6, 12, 0, 0],
       axes: [options.timeAxis === false ? { ...axis("", "", 6, 2), values: (u, splits) => splits.map(() => "") } : axis("time", "s", 18, 2), axis(options.title, options.unit, 46, 3)],
       series: [{}, ...lines],
-      hooks: { setScale: [(u, key) => key === "x" && this.zoomed(u)], draw: [() => { this.draws = (this.draws || 0) + 1; }], setSelect: [() => { this.byHand = true; }] },
+      hooks: { draw: [() => { this.draws = (this.draws || 0) + 1; }], setSelect: [(u) => this.selected(u)] },
     }, [[0], ...series.map(() => [0])], place);
     this.resize = new ResizeObserver(() => {
       const width = Math.floor(place.clientWidth);
@@ -86,10 +86,13 @@ export class TimePlot {
     this.plot.setData([t, ...values], true);
   }
 
-  zoomed(u) {
-    if (!this.byHand || !this.options.onZoom) return;
-    this.byHand = false;
-    this.options.onZoom(u.scales.x.min, u.scales.x.max);
+  /** A span that was dragged is asked for, and its mark goes. */
+  selected(u) {
+    const { left, width } = u.select;
+    if (width < 3 || !this.options.onZoom) return;
+    const [begin, end] = [u.posToVal(left, "x"), u.posToVal(left + width, "x")];
+    u.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
+    this.options.onZoom(begin, end);
   }
 
   destroy() {

@@ -142,15 +142,13 @@ def cloud_page(engine: Engine, project: Project, chain: Chain, record: int, equa
     if residual is None:
         raise Trouble("this record gives no residual: the model predicts none of its signals")
     known = coordinates(series)
-    finite = np.flatnonzero(np.isfinite(residual.values))
-    if finite.size == 0:
-        raise Trouble("the residual has no finite value: look at the notices of the record")
-    keep = finite[np.unique(np.linspace(0, finite.size - 1, min(CLOUD_POINTS, finite.size)).astype(int))]
+    rows = len(series.t_s)
+    keep = np.unique(np.linspace(0, rows - 1, min(CLOUD_POINTS, rows)).astype(int))  # with the gaps, so that they stay gaps
     frequency, amplitude = spectrum(series.t_s, residual.values)
     arrays = {"t": series.t_s[keep], "residual": residual.values[keep]}
     arrays |= {c.key: c.values[keep] for c in known if c.key != "t_s"} | {"frequency": frequency, "amplitude": amplitude}
     head = {"unit": units.pretty_unit(residual.unit), "coordinates": [{"key": c.key, "title": c.title, "unit": c.unit} for c in known],
-            "points": int(keep.size), "rows": len(series.t_s), "equations": [{"name": c.name, "title": c.title} for c in series.balances()], "equation": residual.name}
+            "points": int(keep.size), "rows": rows, "equations": [{"name": c.name, "title": c.title} for c in series.balances()], "equation": residual.name}
     return head, arrays
 
 
@@ -178,7 +176,7 @@ def missing_page(engine: Engine, project: Project, chain: Chain, tell: Progress)
     answer = doc.answer
     if answer is None:
         raise Trouble("the library gave no verdict")
-    return {"verdict": answer.verdict, "html": pieces.answer(answer, doc.notices), "candidates": [_card(c, answer) for c in answer.accepted + answer.rejected[:6]],
+    return {"verdict": answer.verdict, "html": pieces.answer(answer, doc.notices, fold=True), "candidates": [_card(c, answer) for c in answer.accepted + answer.rejected[:6]],
             "rejected": pieces.candidate_rows(answer.rejected), "next": pieces.next_record(answer.next_record) if answer.next_record else "",
             "shape": pieces.shape(answer.shape) if answer.shape else ""}
 
