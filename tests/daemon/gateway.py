@@ -194,6 +194,17 @@ class Gateway:
             self.bus[bus].send(message)
         return start_ns
 
+    def drain(self, bus=0):
+        """Messages that wait on this side of the bus, taken out."""
+        self.bus[bus].setblocking(False)
+        try:
+            for _ in range(10000):
+                self.bus[bus].recv(100)
+        except BlockingIOError:
+            pass
+        finally:
+            self.bus[bus].settimeout(20 * SLOW)
+
     def settle(self, frames, source=0, seconds=20):
         return self.until(lambda s: s["sources"][source]["frames"] >= frames, seconds, f"{frames} frames")
 

@@ -126,6 +126,7 @@ def test_frames_go_out_on_the_configured_identifiers_only(gateway, tmp_path):
     seen = {}
     gateway.feed(Axis(), 6000)
     shown = parameters(gateway.settle(6000))
+    gateway.drain()                                              # what was sent while it still learnt
     ends = time.monotonic() + 10
     while time.monotonic() < ends and not (len(seen) == 2 and all(m["valid"] for m in seen.values())):
         message = gateway.bus[0].recv(100)
@@ -142,17 +143,13 @@ def test_frames_go_out_on_the_configured_identifiers_only(gateway, tmp_path):
 
 
 def test_a_bus_that_takes_nothing_blocks_nothing(gateway):
-    gateway.start(SOCKETPAIR + drive() + '[[sink]]\nname = "out"\nkind = "can"\nsource = "bus"\ndrive = "axis1"\ncan_id = 0x5A0\nperiod_s = 0.001\n')
+    gateway.start(SOCKETPAIR + drive() + '[[sink]]\nname = "out"\nkind = "can"\nsource = "bus"\ndrive = "axis1"\ncan_id = 0x5A0\nperiod_s = 0.02\n')
     status = gateway.until(lambda s: s["sinks"][0]["dropped"] > 0, 20)
     assert status["sinks"][0]["state"] == "blocked"
     gateway.feed(Axis(), 500)
     gateway.settle(500)
     # After the outage nothing old comes: what is in the pipe was sent before, at most its length.
-    while True:
-        try:
-            gateway.bus[0].recv(100, socket.MSG_DONTWAIT)
-        except BlockingIOError:
-            break
+    gateway.drain()
     gateway.until(lambda s: s["sinks"][0]["state"] == "open")
 
 
