@@ -168,10 +168,20 @@ def stairs(doc: view.Document, console: Console) -> None:
 
 
 def power(document: dict, console: Console) -> None:
-    table = _table("effect", "smallest size found", "why")
-    for entry in document.get("effects") or document.get("power") or []:
-        sizes = view.parameters_of(entry.get("parameters"))
-        found = ", ".join(f"{units.symbol(p.name)} = {p.text}" for p in sizes) or "none"
-        table.add_row(entry.get("effect", entry.get("name", "")), found, str(entry.get("message") or entry.get("why") or ""))
+    doc = view.document(document)
+    _records(doc, console)
+    table = _table("effect", "smallest size found", "RMS of its residual", "times the floor", right=("RMS of its residual", "times the floor"))
+    hidden = []
+    for entry in document.get("effects") or []:
+        if not entry.get("found"):
+            hidden.append(f"{entry['effect']}: {entry.get('why', '')}")
+            continue
+        sizes = ", ".join(f"{p.name} = {p.text}" for p in view.parameters_of(entry.get("smallest")))
+        ratio = entry.get("times_floor")
+        table.add_row(entry["effect"], sizes, units.number(entry.get("rms"), entry.get("unit", ""), 3), f"{ratio:.2f}" if ratio else "-")
     console.print(table)
-    _notices(view.document(document), console)
+    if hidden:
+        console.print(Text("Not to be found in these records:", style="bold"))
+        for line in hidden:
+            console.print(Text(f"  {line}"))
+    _notices(doc, console)
