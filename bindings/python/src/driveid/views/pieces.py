@@ -254,7 +254,7 @@ def residual(t: np.ndarray, values: np.ndarray, unit: str, floor: tuple[float, f
 
 
 def binned(x: np.ndarray, y: np.ndarray, bins: int = 60) -> tuple[np.ndarray, np.ndarray]:
-    """Mean of y over bins of x that hold enough points to mean something."""
+    """Mean of y over bins of x; NaN where too few points mean nothing."""
     keep = np.isfinite(x) & np.isfinite(y)
     x, y = x[keep], y[keep]
     if x.size < 20 or not x.max() > x.min():
@@ -263,11 +263,11 @@ def binned(x: np.ndarray, y: np.ndarray, bins: int = 60) -> tuple[np.ndarray, np
     index = np.clip(np.digitize(x, edges) - 1, 0, bins - 1)
     count = np.bincount(index, minlength=bins)
     mean = np.bincount(index, y, bins) / np.maximum(count, 1)
-    enough = count >= max(3, x.size // 5000)
-    return ((edges[:-1] + edges[1:]) / 2)[enough], mean[enough]
+    return (edges[:-1] + edges[1:]) / 2, np.where(count >= max(3, x.size // 5000), mean, np.nan)
 
 
-def cloud(x: np.ndarray, y: np.ndarray, name: str, unit: str, y_unit: str, predicted: np.ndarray | None = None, width: int = 440, height: int = 240) -> str:
+def cloud(x: np.ndarray, y: np.ndarray, name: str, unit: str, y_unit: str, predicted: np.ndarray | None = None, width: int = 440, height: int = 240,
+          bins: int = 60) -> str:
     """Residual against one coordinate, with its mean; ``predicted`` is what an effect says the residual is."""
     low, high = np.nanpercentile(y, [0.2, 99.8]) if np.isfinite(y).any() else (0.0, 1.0)
     figure = Figure(Axis.around([x], name, unit, pad=0.02), Axis.around([np.array([low, high])], "residual", y_unit, zero=True, pad=0.1),
@@ -276,8 +276,8 @@ def cloud(x: np.ndarray, y: np.ndarray, name: str, unit: str, y_unit: str, predi
     figure.points(x, inside, "residual")
     figure.line([figure.x.lo, figure.x.hi], [0.0, 0.0], "zero", thin=False)
     if predicted is not None:
-        figure.line(*binned(x, predicted), "predicted", thin=False)
-    figure.line(*binned(x, y), "measured", thin=False)
+        figure.line(*binned(x, predicted, bins), "predicted", thin=False)
+    figure.line(*binned(x, y, bins), "measured", thin=False)
     return figure.svg()
 
 

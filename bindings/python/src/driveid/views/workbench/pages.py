@@ -198,7 +198,7 @@ def evidence(engine: Engine, project: Project, chain: Chain, effect: str, record
     known = {c.key: c for c in coordinates(before)}
     at = known.get(_SHOWN_OVER.get(effect, "speed")) or known.get("speed") or known["t_s"]
     predicted = old.values - new.values
-    plot = pieces.cloud(at.values, old.values, at.title, at.unit, units.pretty_unit(old.unit), predicted)
+    plot = pieces.cloud(at.values, old.values, at.title, at.unit, units.pretty_unit(old.unit), predicted, bins=220 if at.key == "turn" else 60)
     legend = '<div class="legend"><span class="residual">residual</span><span class="measured">its mean</span><span class="predicted">what the effect says</span></div>'
     return {"html": legend + plot}
 
