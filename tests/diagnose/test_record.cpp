@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: Apache-2.0
+// Record preparation and the kernels, against first principles.
+#include <cmath>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "axis.hpp"
+#include "diagnose/equation.hpp"
+#include "diagnose/record.hpp"
+
+using namespace driveid::diagnose;
+
+namespace {
+
+driveid_model axis_model() {
+  driveid_model m;
+  driveid_model_init(&m, DRIVEID_STRUCTURE_RIGID_AXIS);
+  driveid_model_give(&m, "K_t_Nm_A", 0.08);
+  return m;
+}
+
+bool noticed(const Prepared &p, const char *kind) {
+  for (const Notice &n : p.notices)
+    if (n.kind == kind) return true;
+  return false;
+}
+
+}  // namespace
+
+// The kernels must differentiate a parabola exactly: 1e-9 of the largest term is rounding.
+TEST(Kernel, ParabolasPassExactly) {
+  for (int half : {4, 7, 20, 80}) {
+    const double dt = 1e-3;
+    Kernel k = make_kernel(half, dt);
+    double value = 0, first = 0, second = 0;
+    for (int i = -half; i <= half; ++i) {
+      double t = i * dt, x = 3 + 5 * t + 7 * t * t;
+      value += k.w[0][std::size_t(i + half)] * (3 + 5 * t);
+      first += k.w[1][std::size_t(i + half)] * x;
+      second += k.w[2][std::size_t(i + half)] * x;
+    }
+    EXPECT_NEAR(value, 3, 1e-9);
+    EXPECT_NEAR(first, 5, 1e-8);
+    EXPECT_NEAR(second, 14, 1e-5);
+  }
+}
+
+TEST(Record, WrappedAnglesAreUnwrapped) {
+  Log log = run_axis({}, 6, 1);
+  std::vector<double> plain = log.theta_rad;
+  for (double &q : log.theta_rad) q -= 6.283185307179586 * std::floor(q / 6.283185307179586);
+  log.seal("wrapped");
+  Prepared p = prepare(log.record, axis_model());
+  ASSERT_TRUE(p.bad.empty()) << p.bad;
+  EXPECT_TRUE(noticed(p, "unwrapped"));
+  const auto &x = p.pieces[0].signal.at("theta_rad");
+  for (std::size_t k = 0; k < x.size(); ++k) ASSERT_NEAR(x[k] - x[0], plain[k] - plain[0], 1e-6) << k;
+}
+
+TEST(Record, GapsSplitAndSpikesAreMended) {
+  Log log = run_axis({}, 8, 2);
+  log.theta_rad[1000] += 40;
+  log.t_ns.erase(log.t_ns.begin() + 2000, log.t_ns.begin() + 2100);
+  log.i_A.erase(log.i_A.begin() + 2000, log.i_A.begin() + 2100);
+  log.theta_rad.erase(log.theta_rad.begin() + 2000, log.theta_rad.begin() + 2100);
+  log.seal("gap");
+  Prepared p = prepare(log.record, axis_model());
+  EXPECT_EQ(p.pieces.size(), 2u);
+  EXPECT_TRUE(noticed(p, "gap"));
+  EXPECT_TRUE(noticed(p, "glitch"));
+  const auto &x = p.pieces[0].signal.at("theta_rad");
+  EXPECT_LT(std::fabs(x[1000] - 0.5 * (x[999] + x[1001])), 0.05);
+}
+
+TEST(Record, SpeedInOtherUnitsIsNoticed) {
+  Log log = run_axis({}, 6, 3);
+  std::vector<double> speed(log.theta_rad.size(), 0.0);
+  for (std::size_t k = 1; k + 1 < speed.size(); ++k) speed[k] = -9.549297 * (log.theta_rad[k + 1] - log.theta_rad[k - 1]) / 0.004;
+  log.seal("rpm");
+  log.columns.push_back({"omega_rad_s", speed.data()});
+  log.record.column = log.columns.data();
+  log.record.columns = log.columns.size();
+  Prepared p = prepare(log.record, axis_model());
+  EXPECT_TRUE(noticed(p, "units"));
+  EXPECT_TRUE(noticed(p, "sign"));
+}
+
+TEST(Record, RefusalsSayWhatToRecord) {
+  Log log = run_axis({}, 0.05, 4);
+  log.seal("short");
+  EXPECT_FALSE(prepare(log.record, axis_model()).bad.empty());
+}
