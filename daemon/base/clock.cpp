@@ -7,13 +7,18 @@ namespace gw {
 
 namespace {
 constexpr int64_t kStepNs = 1000000;           // 1 ms: slewing by ntpd (500 ppm) never reaches it between two batches of a live bus
+constexpr int64_t kCloseNs = 20000;            // readings of the two clocks that lie so close are as good as they get
 constexpr int64_t kLongestWaitNs = 5000000000; // a frame may have waited this long in the socket buffer
 }
 
 int64_t RealtimeToMonotonic::measure() {
-    const int64_t before = monotonic_ns();
-    const int64_t real = clock_ns(CLOCK_REALTIME);
-    return measure(before, real, monotonic_ns());
+    // Whoever is interrupted between the readings reads again: the closest pair says most.
+    int64_t before = 0, real = 0, after = INT64_MAX;
+    for (int attempt = 0; attempt < 3 && after - before > kCloseNs; ++attempt) {
+        const int64_t b = monotonic_ns(), r = clock_ns(CLOCK_REALTIME), a = monotonic_ns();
+        if (attempt == 0 || a - b < after - before) before = b, real = r, after = a;
+    }
+    return measure(before, real, after);
 }
 
 int64_t RealtimeToMonotonic::measure(int64_t before, int64_t real, int64_t after) {
@@ -21,11 +26,17 @@ int64_t RealtimeToMonotonic::measure(int64_t before, int64_t real, int64_t after
     const int64_t offset = real - middle;
     const int64_t change = measured_ ? offset - offset_ns_ : 0;
     const int64_t slew = measured_ ? (middle - now_mono_ns_) / 2000 : 0;  // 500 ppm
-    const bool step = change > kStepNs + slew || change < -kStepNs - slew;
+    const int64_t window = (after - before) / 2 + 1;
+    const int64_t limit = kStepNs + slew + window + window_ns_;  // an interrupted reading is no step of the clock
+    const bool step = change > limit || change < -limit;
     previous_mono_ns_ = measured_ ? now_mono_ns_ : middle - kLongestWaitNs;
     now_mono_ns_ = middle;
-    window_ns_ = (after - before) / 2 + 1;
-    offset_ns_ = offset;
+    if (!measured_ || step || window <= std::max(window_ns_, kCloseNs)) {
+        window_ns_ = window;
+        offset_ns_ = offset;
+    } else {
+        window_ns_ += slew;  // what the old reading may have become wrong by
+    }
     measured_ = true;
     stepped_ = step;
     return step ? change : 0;

@@ -43,6 +43,16 @@ TEST(RealtimeToMonotonic, SlewingIsNoStep) {
     for (int64_t t = 0; t < 1000; ++t, wall += kS + 400000) EXPECT_EQ(c.measure((100 + t) * kS, wall, (100 + t) * kS), 0);  // 400 ppm
 }
 
+TEST(RealtimeToMonotonic, AnInterruptedReadingIsNoStepAndSpoilsNoStamp) {
+    RealtimeToMonotonic c;
+    c.measure(100 * kS, kWall, 100 * kS + 1000);
+    // 30 ms pass between the first reading and the wall clock's, and none after it: the middle is 15 ms off.
+    EXPECT_EQ(c.measure(101 * kS, kWall + kS + 30000000, 101 * kS + 30000000), 0);
+    const auto s = c.convert(kWall + kS + 10000000);
+    EXPECT_LE(std::abs(s.t_ns - (101 * kS + 10000000)), s.err_ns);
+    EXPECT_LT(s.err_ns, 1000000);
+}
+
 TEST(HardwareToMonotonic, FollowsDriftAndTakesTheLeastLatency) {
     HardwareToMonotonic c;
     std::mt19937 random(4);
