@@ -107,7 +107,8 @@ def run_case(case, deep=False, keep=None):
             answer = bench.explain()
             out["seconds"] = round(bench.seconds, 2)  # of model, fit and explain; ties are checked after
             out.update(judge.judge(case.as_dict(), bench.truth, answer, lambda names: tie_is_real(bench, case, names)))
-            bench.truth["measures_torque"] = not any(k.startswith("K_") for k in bench.known["given"]) and has_torque(bench)
+            bench.truth["measures_torque"] = not any(k.startswith("K_") for k in bench.known["given"]) and bool({"tau_Nm", "F_N"} & columns(bench))
+            bench.truth["has_temperature"] = "T_degC" in columns(bench)
             out["coverage"] = judge.coverage(case.as_dict(), bench.truth, answer, bench.known["given"])
             out["ranked"] = [{k: e.get(k) for k in ("effect", "accepted", "share", "confidence", "not_told_apart_from")} for e in answer.get("ranked", [])[:4]]
             if deep and out["first"] and case.group == "single":
@@ -118,10 +119,9 @@ def run_case(case, deep=False, keep=None):
     return out
 
 
-def has_torque(bench):
+def columns(bench):
     with open(bench.folder / "train.csv") as f:
-        header = f.readline().strip().split(",")
-    return "tau_Nm" in header or "F_N" in header
+        return set(f.readline().strip().split(","))
 
 
 def tie_is_real(bench, case, names):
