@@ -22,12 +22,12 @@ HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 BUILD = Path(os.environ.get("DRIVEID_BUILD", ROOT / "build"))
 TYPES = ["f64", "f32"]
-RATE_HZ, SECONDS, EVERY_S = 250, 12, 0.5
+EVERY_S = 0.5
 # Options of driveid-sim for each session: classic and FD, both byte orders, three structures, a change of load.
 MADE = {
-    "rigid-classic": ["--structure", "rigid_axis", "--seed", "21", "--load-change-at", "6", "--factor", "1.5"],
-    "dc-big-endian": ["--structure", "dc_drive", "--seed", "22", "--big-endian"],
-    "pmsm-fd": ["--structure", "pmsm_drive", "--seed", "23", "--fd"],
+    "rigid-classic": ["--structure", "rigid_axis", "--rate", "250", "--duration", "12", "--seed", "21", "--load-change-at", "6", "--factor", "1.5"],
+    "dc-big-endian": ["--structure", "dc_drive", "--rate", "1000", "--duration", "4", "--seed", "31", "--big-endian"],
+    "pmsm-fd": ["--structure", "pmsm_drive", "--rate", "1000", "--duration", "4", "--seed", "23", "--fd"],
 }
 
 
@@ -39,7 +39,7 @@ def make():
     for name, options in MADE.items():
         folder = HERE / name
         folder.mkdir(exist_ok=True)
-        subprocess.run([BUILD / "tools/sim/driveid-sim", "run", "--bus", "log:frames.log", "--duration", str(SECONDS), "--rate", str(RATE_HZ), "--config", "driveidd.toml",
+        subprocess.run([BUILD / "tools/sim/driveid-sim", "run", "--bus", "log:frames.log", "--config", "driveidd.toml",
                         "--dbc", "frames.dbc", "--truth", "truth.json", *options], cwd=folder, check=True)
         write_config(folder, "socketcan", folder / "driveidd.toml")
 
