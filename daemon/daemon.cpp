@@ -117,7 +117,7 @@ int Daemon::run() {
     control_.start();
     if (!c.system.metrics.empty()) metrics_ = std::make_unique<Metrics>(c.system.metrics, loop_, *this);
     if (!c.state.folder.empty()) {
-        const std::string restored = state_restore(config_path(c, c.state.folder), const_cast<std::vector<std::unique_ptr<Drive>>&>(gateway_->drives()));
+        const std::string restored = state_restore(config_path(c, c.state.folder), gateway_->drives());
         if (!restored.empty()) log_event(Level::info, "state", "restored", "", "%s", restored.c_str());
         saver_.start(int64_t(c.state.period_s * 1e9), int64_t(c.state.period_s * 1e9));
     }

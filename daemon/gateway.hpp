@@ -41,6 +41,7 @@ public:
     const Config& config() const { return config_; }
     const std::vector<std::unique_ptr<Source>>& sources() const { return sources_; }
     const std::vector<std::unique_ptr<Drive>>& drives() const { return drives_; }
+    std::vector<std::unique_ptr<Drive>>& drives() { return drives_; }
     const std::vector<std::unique_ptr<Sink>>& sinks() const { return sinks_; }
     Drive* drive(const std::string& name) const;
 

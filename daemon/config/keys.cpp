@@ -86,7 +86,7 @@ const Key<D> kDrive[] = {
     {"paced", &D::paced, "", 0, 0, "false", "", "the drive samples every dt_s exactly and frames arrive late by a varying time (serial or USB adapter, busy sender): instants follow dt_s", ""},
     {"align_tolerance_s", &D::align_tolerance_s, "s", 0, 60, "0", "", "values of one sample arrive within this; 0: half of dt_s", ""},
     {"sync", &D::sync, "", 0, 0, "", "", "signal whose arrival closes a sample; \"\": the sample closes when it is complete", ""},
-    {"instant_can_id", &D::instant_can_id, "", -1, 0x1FFFFFFF, "-1", "", "frame (CANopen SYNC: 0x80) whose arrival is the sampling instant of the values after it; -1 none", ""},
+    {"instant_can_id", &D::instant_can_id, "", -1, 0x7FF, "-1", "", "frame (CANopen SYNC: 0x80) whose arrival is the sampling instant of the values after it; -1 none", ""},
     {"report_s", &D::report_s, "s", 0.001, 3600, "0.1", "", "time between two estimates, in the time of the samples", ""},
     {"stale_s", &D::stale_s, "s", 0.001, 3600, "1", "", "silence after which parameters are no longer valid", ""},
     {"alarm", &D::alarm, "", -1, 1e6, "0", "", "residual alarm threshold of the estimator; 0 its default, negative never", ""},

@@ -71,7 +71,7 @@ bool Drive::uses(int source) const {
 Fate Drive::frame(int source, const canfd_frame& f, bool extended, const driveid_stamp& stamp) {
     const uint32_t id = f.can_id & (extended ? CAN_EFF_MASK : CAN_SFF_MASK);
     bool mine = false;
-    if (config_.instant_can_id >= 0 && id == uint32_t(config_.instant_can_id)) {
+    if (config_.instant_can_id >= 0 && !extended && id == uint32_t(config_.instant_can_id)) {
         instant_ns_ = stamp.t_ns;
         mine = true;
     }
