@@ -103,9 +103,10 @@ def live_acts(given, programs):
     folder, luck = programs.folder, random.Random(given.seed)
     on_can = given.inside == "vcan"
     address = "can:vcan0" if on_can else f"modbus:127.0.0.1:{free_port()}"
+    rate_Hz = {"native": 1000, "uml": 500}.get(os.environ.get("VCAN_KIND"), 250)
     factor, change_s = luck.choice([0.6, 0.7, 1.4, 1.7, 2.0]), given.seconds
     console.print(f"drive: rigid_axis drawn from seed {given.seed}, on {address}; its load inertia changes by a factor {factor:g} after {change_s:g} s")
-    programs.start("driveid-sim", [SIM, "run", "--bus", address, "--seed", given.seed, "--rate", 1000 if on_can else 250, "--load-change-at", change_s,
+    programs.start("driveid-sim", [SIM, "run", "--bus", address, "--seed", given.seed, "--rate", rate_Hz, "--load-change-at", change_s,
                                    "--factor", factor, "--truth", "truth.json", "--config", "driveidd.toml", "--socket", folder / "control.sock"])
     wait_for((folder / "truth.json").exists, 15, "the simulated drive's start", programs.check)
     began = time.monotonic()
