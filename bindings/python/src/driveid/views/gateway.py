@@ -108,6 +108,10 @@ class Gateway:
         self.connected, self.trouble = connected, trouble
 
     def note(self, level: str, component: str, text: str, mend: str = "", count: int = 1) -> None:
+        last = self.events[-1] if self.events else {}
+        if (last.get("component"), last.get("text")) == (component, text):  # the same again: counted, not listed
+            last.update(wall=time.time(), count=last["count"] + count)
+            return
         self.event_count += 1
         self.events.append({"level": level, "component": component, "text": text, "mend": mend, "count": count, "wall": time.time(), "number": self.event_count})
 

@@ -276,7 +276,8 @@ def cloud(x: np.ndarray, y: np.ndarray, name: str, unit: str, y_unit: str, predi
     figure.points(x, inside, "residual")
     figure.line([figure.x.lo, figure.x.hi], [0.0, 0.0], "zero", thin=False)
     if predicted is not None:
-        figure.line(*binned(x, predicted, bins), "predicted", thin=False)
+        at, mean = binned(x, predicted, bins)
+        figure.line(at, np.clip(mean, figure.y.lo, figure.y.hi), "predicted", thin=False)
     figure.line(*binned(x, y, bins), "measured", thin=False)
     return figure.svg()
 

@@ -99,8 +99,8 @@ class Workbench:
 
     async def evidence(self, request: Request) -> Response:
         project, chain, record = self._project(request), self._chain(request.query_params.get("add", "")), self._record(request)
-        effect = request.query_params.get("effect", "")
-        return JSONResponse(await self._answer(request, lambda tell: pages.evidence(self.engine, project, chain, effect, record, tell)))
+        effect, beside = request.query_params.get("effect", ""), self._chain(request.query_params.get("beside", ""))
+        return JSONResponse(await self._answer(request, lambda tell: pages.evidence(self.engine, project, chain, effect, beside, record, tell)))
 
     async def falls(self, request: Request) -> Response:
         project, chain, kind = self._project(request), self._chain(request.query_params.get("add", "")), request.query_params.get("kind", "")

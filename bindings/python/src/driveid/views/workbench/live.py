@@ -85,8 +85,8 @@ class Live:
         listening = asyncio.create_task(self._listen(socket, drawn, wish))
         try:
             await self._push(socket, drawn, wish)
-        except (WebSocketDisconnect, RuntimeError, TimeoutError):
-            pass
+        except (WebSocketDisconnect, RuntimeError, TimeoutError, asyncio.CancelledError):
+            pass  # the page left, went to sleep, or the workbench ends
         finally:
             listening.cancel()
             with contextlib.suppress(asyncio.CancelledError, WebSocketDisconnect, RuntimeError, ValueError):

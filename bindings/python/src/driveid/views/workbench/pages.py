@@ -188,10 +188,13 @@ def _card(candidate: view.Candidate, answer: view.Answer) -> dict:
             "confidence": units.percent(candidate.confidence) if candidate.confidence is not None else "", "parameters": values, "ties": ties, "why": candidate.why, "equation": candidate.equation}
 
 
-def evidence(engine: Engine, project: Project, chain: Chain, effect: str, record: int, tell: Progress) -> dict:
-    """What the effect predicts of the residual, drawn over the measured one."""
-    before = engine.series(project, chain, record, tell)
-    after = engine.series(project, (*chain, effect), record, tell)
+def evidence(engine: Engine, project: Project, chain: Chain, effect: str, beside: Chain, record: int, tell: Progress) -> dict:
+    """What the effect predicts of the residual, drawn over the residual that is there without it.
+
+    beside: the other effects found with it; both models have them, so that only this effect differs."""
+    found = tuple(dict.fromkeys((*beside, effect)))
+    after = engine.series(project, (*chain, *found), record, tell)
+    before = engine.series(project, (*chain, *(e for e in found if e != effect)), record, tell)
     old, new = _most_explained(before, after)
     if old is None or new is None:
         return {"html": '<p class="soft">This record gives no residual to draw.</p>'}

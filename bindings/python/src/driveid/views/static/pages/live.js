@@ -39,7 +39,10 @@ class Signals {
     this.y = head.signals.map(() => new Float32Array(2 * n).fill(NaN));
     const shown = head.signals.slice(0, 8), cards = shown.map(() => el("div.card"));
     this.place.replaceChildren(...cards);
-    this.plots = shown.map((s, k) => new TimePlot(cards[k], [{ name: s.name, colour: "measured", width: 1 }], { title: s.symbol, unit: s.unit, height: k >= shown.length - 2 ? 145 : 122, timeAxis: k >= shown.length - 2 }));
+    const few = shown.length <= 3, bottom = few ? 1 : 2;
+    this.place.classList.toggle("few", few);
+    const height = few ? Math.min(260, Math.max(122, Math.floor((innerHeight - 150) / shown.length) - 40)) : 122;
+    this.plots = shown.map((s, k) => new TimePlot(cards[k], [{ name: s.name, colour: "measured", width: 1 }], { title: s.symbol, unit: s.unit, height: height + (k >= shown.length - bottom ? 23 : 0), timeAxis: k >= shown.length - bottom }));
     this.y = this.y.slice(0, 8);
     this.key = key;
     this.last = undefined;
