@@ -14,7 +14,7 @@
 namespace {
 
 using Clock = std::chrono::steady_clock;
-constexpr int samples = 200000;
+constexpr int samples = 50000;
 
 driveid_regression equation(int n) { // y^(n) + sum a_i y^(i) = b u: n + 1 parameters
     driveid_regression r{};
