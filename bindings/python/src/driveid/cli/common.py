@@ -118,4 +118,5 @@ def write_model(target: str | None, toml: str) -> None:
 
 def stdout_console(*taken: str | None) -> Console:
     """For people: standard output, unless a document goes there."""
-    return Console(stderr="-" in taken, highlight=False)
+    console = Console(stderr="-" in taken, highlight=False)
+    return console if console.is_terminal else Console(stderr="-" in taken, highlight=False, width=120)

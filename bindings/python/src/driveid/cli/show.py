@@ -16,7 +16,7 @@ _SHORT = {"equation": "balance", "one_step": "one step", "windows": "windows", "
 def _table(*columns: str, right: tuple[str, ...] = ()) -> Table:
     table = Table(box=None, pad_edge=False, header_style="bold")
     for c in columns:
-        table.add_column(c, justify="right" if c in right else "left")
+        table.add_column(c, justify="right" if c in right else "left", no_wrap=c in ("effect", "added", "parameter", "left"))
     return table
 
 
@@ -86,7 +86,7 @@ def _candidates(candidates: list[view.Candidate], console: Console) -> None:
     table = _table("effect", "share", "confidence", "parameters", "not told apart from", right=("share", "confidence"))
     for c in candidates:
         parameters = ", ".join(f"{units.symbol(p.name)} = {p.text}" for p in c.parameters)
-        table.add_row(c.effect + ("" if c.accepted else " (rejected)"), units.percent(c.share), units.percent(c.confidence), parameters, ", ".join(c.ties))
+        table.add_row(c.effect + ("" if c.accepted else " (rejected)"), units.percent(c.share), units.percent(c.confidence) if c.accepted else "-", parameters, ", ".join(c.ties))
     console.print(table)
 
 
