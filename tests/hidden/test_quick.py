@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The quick hidden-effect set through the command line, with the score that must be held.
 
-The thresholds are the score that was reached, in cases: an answer that gets lost fails, one that is won raises the number here. The goals
-stand in docs/hidden-effects.md beside what the full set reaches.
+The thresholds are the score that was reached less one case in each group (another compiler's rounding may turn one that is near): answers
+that get lost fail, answers that are won raise the numbers here. The goals stand in docs/hidden-effects.md.
 """
 import os
 from concurrent.futures import ThreadPoolExecutor
@@ -13,7 +13,7 @@ import run
 import table
 
 # right cases that must be held, by group (and size for single effects)
-HELD = {"single 10": 0, "single 3": 0, "single 1.2": 0, "single 1.05": 0, "none": 0, "outside": 0, "pair": 0}
+HELD = {"single 10": 5, "single 3": 20, "single 1.2": 3, "single 1.05": 1, "none": 2, "outside": 2, "pair": 2}
 
 
 @pytest.fixture(scope="module")
