@@ -117,3 +117,23 @@ def test_monitor_on_the_real_daemon(gateway):
             assert max(len(line) for line in shown.split("\n")) <= 80
 
     run_async(main())
+
+
+def test_page_left_and_entered_again_is_connected_once(chromium, short_tmp, tmp_path, monkeypatch):
+    from conftest import FakeGateway
+    from driveid.views.workbench import live
+
+    monkeypatch.setattr(live, "LINGER_S", 0.1)
+    daemon = FakeGateway(str(short_tmp / "again.sock"))
+    server = Server(bundled_example(), daemon.path, tmp_path)
+    screen = Screen(chromium, server)
+    for _ in range(4):
+        screen.page.goto(f"{server.base}/live")
+        screen.until("document.body.dataset.gateway === 'up' && document.querySelectorAll('.uplot').length === 8", 20)
+        screen.page.wait_for_timeout(400)
+        assert screen.page.evaluate("document.body.dataset.gateway") == "up"
+        screen.page.goto("about:blank")
+        wait_for(lambda: len([w for w in daemon.daemon._writers if not w.is_closing()]) == 0, 5, "the feed's end")
+    screen.close()
+    server.stop()
+    daemon.stop()

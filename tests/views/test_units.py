@@ -28,7 +28,7 @@ def test_unknown_estimate_says_so():
 
 @pytest.mark.parametrize(("name", "symbol", "unit"), [
     ("tau_c_Nm", "τ_c", "N·m"), ("J_kgm2", "J", "kg·m²"), ("theta_l_rad", "θ_l", "rad"), ("K_t_Nm_A", "K_t", "N·m/A"), ("i_q_A", "i_q", "A"), ("m_kg", "m", "kg"),
-    ("B_Nms_rad", "B", "N·m·s/rad"), ("J_As2_rad", "J", "A·s²/rad"), ("v_m_s", "v", "m/s"), ("pole_pairs", "pole_pairs", ""), ("u", "u", "")])
+    ("B_Nms_rad", "B", "N·m·s/rad"), ("J_As2_rad", "J", "A·s²/rad"), ("v_m_s", "v", "m/s"), ("pole_pairs", "pole_pairs", ""), ("u", "u", ""), ("phi_rad_2", "φ_2", "rad"), ("A_Nm_2", "A_2", "N·m"), ("N_2", "N_2", "")])
 def test_names_split_into_symbol_and_unit(name, symbol, unit):
     assert units.symbol(name) == symbol
     assert units.split_name(name)[1] == unit

@@ -68,7 +68,8 @@ class Feed:
         self.changed()
 
     async def _session(self) -> None:
-        reader, self._writer = await asyncio.open_unix_connection(self.path, limit=LINE_LIMIT * 4)
+        reader, writer = await asyncio.open_unix_connection(self.path, limit=LINE_LIMIT * 4)
+        self._writer = writer
         listening = asyncio.create_task(self._listen(reader))
         listening.add_done_callback(self._nobody_answers)
         try:
@@ -80,15 +81,15 @@ class Feed:
             await listening
         finally:
             listening.cancel()
+            writer.close()
             with contextlib.suppress(asyncio.CancelledError, OSError, TimeoutError, ValueError):
                 await listening
-            if self._writer:
-                self._writer.close()
 
     async def _listen(self, reader: asyncio.StreamReader) -> None:
         rest = b""
         while True:
-            data = await asyncio.wait_for(reader.read(1 << 18), SILENCE_S)
+            async with asyncio.timeout(SILENCE_S):  # not wait_for: that may swallow a cancellation
+                data = await reader.read(1 << 18)
             if not data:
                 return
             lines = (rest + data).split(b"\n")
@@ -124,7 +125,8 @@ class Feed:
         self._writer.write(json.dumps(message).encode() + b"\n")
         try:
             await self._writer.drain()
-            answer = await asyncio.wait_for(future, SILENCE_S)
+            async with asyncio.timeout(SILENCE_S):
+                answer = await future
         except (OSError, TimeoutError) as error:
             raise NotConnected(self._reason(error)) from error
         if not answer.get("ok"):

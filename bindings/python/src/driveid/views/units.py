@@ -25,6 +25,9 @@ _SUPER = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 def split_name(name: str) -> tuple[str, str]:
     """``tau_c_Nm`` -> (``tau_c``, ``N·m``); a name without a known unit keeps itself."""
     parts = name.split("_")
+    if len(parts) > 2 and parts[-1].isdigit():  # the second of several: phi_rad_2 is phi_2 in rad
+        base, unit = split_name("_".join(parts[:-1]))
+        return (f"{base}_{parts[-1]}", unit) if unit else (name, "")
     for cut in range(1, len(parts)):
         tail = "_".join(parts[cut:])
         if tail in _SUFFIX:

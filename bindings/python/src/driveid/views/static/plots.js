@@ -22,6 +22,11 @@ function extent(data, [begin, end]) {
   return [lo, hi];
 }
 
+/** uPlot breaks a line at null, not at NaN. */
+function gaps(values) {
+  return values.some(Number.isNaN) ? Array.from(values, (v) => (Number.isNaN(v) ? null : v)) : values;
+}
+
 /** Fewest decimals that write a step without rounding it. */
 export function decimals(step) {
   for (let d = 0; d < 9; d++) if (Math.abs(step * 10 ** d - Math.round(step * 10 ** d)) < 1e-6 * Math.max(1, step * 10 ** d)) return d;
@@ -32,7 +37,7 @@ function axis(title, unit, size, side) {
   let divisor = 1, words = unit;
   return {
     stroke: () => colour("soft"), font: FONT, labelFont: FONT, size, labelSize: title ? (side === 3 ? 16 : 15) : 0, labelGap: 0, gap: 3,
-    grid: { stroke: () => colour("line"), width: 1 }, ticks: { show: false }, side, space: side === 3 ? 26 : 70,
+    grid: { stroke: () => colour("line"), width: 1 }, ticks: { show: false }, side, space: side === 3 ? 20 : 70,
     label: title,
     splits: undefined,
     values: (u, splits) => {
@@ -53,6 +58,7 @@ export class TimePlot {
   constructor(place, series, options) {
     this.place = place;
     this.span = [0, 1];
+    this.raw = [[0]];
     this.options = options;
     const lines = series.map((s) => ({
       label: s.name, stroke: () => colour(s.colour), width: s.width ?? 1.2, dash: s.dash, points: { show: Boolean(s.points), size: 4, fill: () => colour(s.colour) },
@@ -61,7 +67,7 @@ export class TimePlot {
     this.plot = new uPlot({
       width: Math.max(place.clientWidth, 80), height: options.height, legend: { show: false }, ms: 1e-3,
       cursor: { drag: { x: Boolean(options.onZoom), y: false, setScale: false, dist: 5 }, sync: options.sync ? { key: options.sync, scales: ["x", null] } : undefined, points: { size: 5 }, x: true, y: false },
-      scales: { x: { time: false, range: () => this.span }, y: { range: (u) => this.range(...extent(u.data, this.span)) } },
+      scales: { x: { time: false, range: () => this.span }, y: { range: () => this.range(...extent(this.raw, this.span)) } },
       padding: [6, 12, 0, 0],
       axes: [options.timeAxis === false ? { ...axis("", "", 6, 2), values: (u, splits) => splits.map(() => "") } : axis("time", "s", 18, 2), axis(options.title, options.unit, 46, 3)],
       series: [{}, ...lines],
@@ -83,7 +89,8 @@ export class TimePlot {
   /** New values; the x axis shows begin to end, the y axis what is in it. */
   data(t, values, begin = t[0], end = t[t.length - 1]) {
     this.span = [begin, end];
-    this.plot.setData([t, ...values], true);
+    this.raw = [t, ...values];
+    this.plot.setData([t, ...values.map(gaps)], true);
   }
 
   /** A span that was dragged is asked for, and its mark goes. */

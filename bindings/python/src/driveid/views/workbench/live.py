@@ -70,11 +70,12 @@ class Live:
 
     async def stop(self) -> None:
         task, self._task = self._task, None
-        if task:
-            task.cancel()
-            with contextlib.suppress(asyncio.CancelledError):
-                await task
+        if task is None:
+            return
+        task.cancel()
         self.gateway.connected, self.gateway.connections = False, 0
+        with contextlib.suppress(asyncio.CancelledError):
+            await task
 
     async def serve(self, socket: WebSocket) -> None:
         await socket.accept()
@@ -97,7 +98,8 @@ class Live:
     async def _push(self, socket: WebSocket, drawn: asyncio.Event, wish: dict) -> None:
         words_at = 0.0
         while True:
-            await asyncio.wait_for(drawn.wait(), 30.0)
+            async with asyncio.timeout(30.0):
+                await drawn.wait()
             drawn.clear()
             begin = time.monotonic()
             head: dict = {}
