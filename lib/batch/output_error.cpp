@@ -33,6 +33,7 @@ struct Window {
 
 struct Fitting {
   const OutputErrorProblem &problem;
+  std::vector<double> step;                     // difference step of each free parameter
   std::vector<Window> windows;
   std::size_t rows = 0;
   std::vector<double> measured, scale;          // stacked: window, output, row; 1/noise by output
@@ -161,7 +162,7 @@ bool columns(const Fitting &f, const driveid_model &model, const Stack &base, st
       double step = 1;
       if (k < P) {
         const FreeParam &free = f.problem.free[k];
-        step = free.scale;
+        step = f.step[k];
         double &value = value_of(moved, free);
         if (value + step > free.hi) step = -step;
         value += step;
@@ -277,7 +278,19 @@ Eigen::MatrixXd pseudo_inverse(const Eigen::MatrixXd &A) {
   return size.asDiagonal() * unit.ldlt().solve(Eigen::MatrixXd::Identity(A.rows(), A.cols())) * size.asDiagonal();
 }
 
-// Sandwich: scores summed over blocks of about 1/80 of the data each, neighbours' products counted half (Bartlett).
+// Difference steps of a fifth of each parameter's uncertainty as it is now: smaller ones see the kinks of sticking, larger ones another model.
+void adapt_steps(Fitting &f, const driveid_model &model, const Linear &lin, double cost) {
+  const Eigen::MatrixXd spread = pseudo_inverse(lin.A) * (cost / double(std::max<std::size_t>(1, f.rows)));
+  driveid_model copy = model;
+  for (std::size_t k = 0; k < f.step.size(); k++) {
+    const double size = std::fabs(value_of(copy, f.problem.free[k])), wanted = 0.2 * std::sqrt(std::max(0.0, spread(Eigen::Index(k), Eigen::Index(k))));
+    if (wanted > 0 && std::isfinite(wanted)) f.step[k] = size > 0 ? std::clamp(wanted, 1e-7 * size, 1e-2 * size) : wanted;
+  }
+}
+
+constexpr std::size_t kLags = 3;
+
+// Sandwich: scores summed over blocks of about 1/80 of the data each, products with neighbours under Bartlett's weights.
 void covariance(const Fitting &f, const Linear &lin, OutputErrorResult &result) {
   const Eigen::Index P = lin.A.rows();
   std::vector<Eigen::VectorXd> score;
@@ -299,7 +312,8 @@ void covariance(const Fitting &f, const Linear &lin, OutputErrorResult &result) 
   Eigen::MatrixXd meat = Eigen::MatrixXd::Zero(P, P);
   for (std::size_t k = 0; k < score.size(); k++) {
     meat += score[k] * score[k].transpose();
-    if (k) meat += 0.5 * (score[k] * score[k - 1].transpose() + score[k - 1] * score[k].transpose());
+    for (std::size_t lag = 1; lag <= kLags && lag <= k; lag++)
+      meat += (1.0 - double(lag) / double(kLags + 1)) * (score[k] * score[k - lag].transpose() + score[k - lag] * score[k].transpose());
   }
   // never below what white residuals of this size would give
   double squares = 0;
@@ -335,7 +349,8 @@ void report_rmse(const Fitting &f, const Linear &lin, OutputErrorResult &result)
 OutputErrorResult fit_output_error(const OutputErrorProblem &problem) {
   OutputErrorResult result;
   result.model = problem.model;
-  Fitting f{problem, {}, 0, {}, {}, {}, {}, {}};
+  Fitting f{problem, {}, {}, 0, {}, {}, {}, {}, {}};
+  for (const FreeParam &p : problem.free) f.step.push_back(p.scale);
   make_windows(f);
   if (f.windows.empty() || problem.outputs.empty()) return result;
   stack_measured(f);
@@ -351,6 +366,7 @@ OutputErrorResult fit_output_error(const OutputErrorProblem &problem) {
     if (fresh && !linearise(f, model, base, lin, it < 3)) return result;
     const std::vector<double> weight = weights_of(lin);
     const double before = total_cost(f, base, weight);
+    if (fresh) adapt_steps(f, model, lin, before);
     Eigen::MatrixXd A = lin.A;
     A.diagonal() += lambda * lin.A.diagonal() + Eigen::VectorXd::Constant(A.rows(), 1e-300);
     const Eigen::VectorXd step = pseudo_inverse(A) * lin.b;
@@ -365,7 +381,7 @@ OutputErrorResult fit_output_error(const OutputErrorProblem &problem) {
       base = std::move(next);
       lambda = std::max(1e-9, lambda / 10);
       fresh = true;
-      if (before - after < 1e-4 * before && it >= 2) break;
+      if (before - after < 2e-5 * before && it >= 2) break;
     } else {
       f.windows = kept;
       lambda *= 30;
@@ -402,7 +418,7 @@ bool free_run(const driveid_model &model, const Stretch &stretch, driveid_sim_mo
   driveid_sim sim;
   driveid_sim_state state;
   if (driveid_sim_init(&sim, &model, &view, mode, nullptr, 0) || driveid_sim_start(&sim, from, &state)) return false;
-  Fitting f{start, {}, 0, {}, {}, {}, {}, {}};
+  Fitting f{start, {}, {}, 0, {}, {}, {}, {}, {}};
   make_windows(f);
   if (!f.windows.empty() && !start.outputs.empty()) {
     stack_measured(f);

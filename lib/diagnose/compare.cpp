@@ -53,7 +53,7 @@ void compare(Task &task, ordered_json &document) {
       entry["errors"] = errors;
       entry["tests"] = ordered_json::array();
       for (const ResidualTest &t : c.tests) entry["tests"].push_back({{"name", t.name}, {"statistic", t.statistic}, {"bound", t.bound}, {"passed", t.passed}});
-      entry["where"] = ordered_json::array();
+      entry["where"] = c.where;
       if (c.errors.free_run.rmse >= 0) document["free_run_rmse"] = c.errors.free_run.rmse;
     }
   document["parameters"] = parameters_json(model);

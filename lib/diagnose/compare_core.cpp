@@ -8,6 +8,7 @@
 #include "diagnose/explain_candidate.hpp"
 #include "diagnose/fit_score.hpp"
 #include "diagnose/floor.hpp"
+#include "diagnose/locate.hpp"
 
 namespace driveid::diagnose {
 
@@ -214,6 +215,15 @@ void simulated(ErrorObject &o, const std::vector<batch::Stretch> &stretches, con
   o.fit_percent = size > 0 ? 100 * (1 - o.rmse / size) : 0;
 }
 
+void add_where(const Equation &e, const Eigen::VectorXd &residual, const Floor &floor, ordered_json &where) {
+  const Eigen::VectorXd left = floor.flexible.size() == residual.size() ? Eigen::VectorXd(residual - floor.flexible) : residual;
+  for (const Regime &r : locate(e, residual, left)) {
+    if (where.size() >= 40) break;
+    where.push_back({{"equation", e.signal}, {"axis", r.axis}, {"regime", r.text}, {"share", r.share}, {"rows", r.rows}, {"statistic", r.statistic}, {"bound", r.bound}, {"significant", r.significant}});
+    if (r.lo < r.hi) where.back()["range"] = {r.lo, r.hi};
+  }
+}
+
 void equation_errors(const driveid_model &model, EquationSet &set, Compared &out, double &share) {
   share = 1;
   for (Equation &e : set.equation) {
@@ -230,6 +240,7 @@ void equation_errors(const driveid_model &model, EquationSet &set, Compared &out
     const bool last = &e == &set.equation.back();
     if (last) out.errors.equation = o;
     share = o.rmse > 0 ? std::min(1.0, floor.hi / o.rmse) : 1;
+    add_where(e, residual, floor, out.where);
     for (ResidualTest t : residual_tests(e, residual)) {
       if (set.equation.size() > 1) t.name = e.signal + ": " + t.name;
       out.tests.push_back(t);

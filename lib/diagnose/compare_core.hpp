@@ -30,6 +30,7 @@ struct ResidualTest {
 struct Compared {
   ErrorSet errors;
   std::vector<ResidualTest> tests;
+  nlohmann::ordered_json where = nlohmann::ordered_json::array();   // regimes by their share of the removable error, as explain gives them
 };
 
 // Residual of an equation with the model's own values, raw rows (the parameters are not fitted again).

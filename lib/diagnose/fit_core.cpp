@@ -193,6 +193,7 @@ void write_intervals(driveid_model &model, const std::vector<batch::FreeParam> &
 
 struct Trial {
   std::string name;
+  double window_s = -1;       // -1: equation
   driveid_model model;
   double uncertainty = 0;     // mean log of relative variance
   double score = INFINITY;    // mean log of held-out errors
@@ -219,33 +220,35 @@ struct Data {
   std::vector<batch::Stretch> training, judged;   // judged: kept aside
 };
 
-// Without held-out records the last three tenths of the longest training stretches judge.
-Data split(const std::vector<batch::Stretch> &training, const std::vector<batch::Stretch> &held_out) {
-  Data d;
-  if (!held_out.empty()) {
-    d.training = training;
-    d.judged = held_out;
-    return d;
-  }
+batch::Stretch cut_out(const batch::Stretch &s, std::size_t from, std::size_t to) {
+  auto part = [&](const std::vector<double> &v) { return std::vector<double>(v.begin() + std::ptrdiff_t(from), v.begin() + std::ptrdiff_t(to)); };
+  batch::Stretch out;
+  out.hold = s.hold;
+  std::copy(std::begin(s.noise), std::end(s.noise), out.noise);
+  out.t_s = part(s.t_s);
+  for (int c = 0; c < DRIVEID_SIGNAL_COUNT; c++)
+    if (!s.column[c].empty()) out.column[c] = part(s.column[c]);
+  return out;
+}
+
+// Held-out records judge; without them the last 30 % of the training stretches do, and in a second turn the first 30 %.
+std::vector<Data> folds(const std::vector<batch::Stretch> &training, const std::vector<batch::Stretch> &held_out) {
+  if (!held_out.empty()) return {Data{training, held_out}};
+  std::vector<Data> out(2);
   for (const batch::Stretch &s : training) {
-    const std::size_t n = s.t_s.size(), cut = n * 7 / 10;
+    const std::size_t n = s.t_s.size(), third = n * 3 / 10;
     if (n < 600) {
-      d.training.push_back(s);
+      out[0].training.push_back(s);
+      out[1].training.push_back(s);
       continue;
     }
-    batch::Stretch a, b;
-    a.hold = b.hold = s.hold;
-    std::copy(std::begin(s.noise), std::end(s.noise), a.noise);
-    std::copy(std::begin(s.noise), std::end(s.noise), b.noise);
-    auto part = [&](const std::vector<double> &v, std::size_t from, std::size_t to) { return std::vector<double>(v.begin() + std::ptrdiff_t(from), v.begin() + std::ptrdiff_t(to)); };
-    a.t_s = part(s.t_s, 0, cut);
-    b.t_s = part(s.t_s, cut, n);
-    for (int c = 0; c < DRIVEID_SIGNAL_COUNT; c++)
-      if (!s.column[c].empty()) a.column[c] = part(s.column[c], 0, cut), b.column[c] = part(s.column[c], cut, n);
-    d.training.push_back(std::move(a));
-    d.judged.push_back(std::move(b));
+    out[0].training.push_back(cut_out(s, 0, n - third));
+    out[0].judged.push_back(cut_out(s, n - third, n));
+    out[1].training.push_back(cut_out(s, third, n));
+    out[1].judged.push_back(cut_out(s, 0, third));
   }
-  return d;
+  if (out[0].judged.empty()) out.resize(1);
+  return out;
 }
 
 std::vector<const batch::Stretch *> pointers(const std::vector<batch::Stretch> &list, std::size_t rows_max) {
@@ -273,13 +276,15 @@ std::optional<batch::OutputErrorResult> refine(const driveid_model &model, const
   return r;
 }
 
+constexpr double kFreeRun = 0.7;      // what a free run counts beside windows of a second
+
 double judge(const driveid_model &model, const Part &part, const std::vector<batch::Stretch> &judged) {
   double sum = 0, count = 0;
   for (const batch::Stretch &s : judged)
     for (driveid_signal signal : part.outputs) {
       const double free_run = score_windows(model, s, part.mode, signal, 0), second = score_windows(model, s, part.mode, signal, 1.0);
       if (!(free_run >= 0) || !(second >= 0)) return INFINITY;
-      sum += 0.5 * std::log(free_run + 1e-300) + 0.5 * std::log(second + 1e-300);
+      sum += kFreeRun * std::log(free_run + 1e-300) + (1 - kFreeRun) * std::log(second + 1e-300);
       count += 1;
     }
   return count > 0 ? sum / count : 0;
@@ -292,40 +297,99 @@ std::string window_name(double window_s) {
   return text;
 }
 
-void refine_part(FitOutcome &outcome, const Part &part, const std::vector<batch::Stretch> &training, const std::vector<batch::Stretch> &held_out, const FitOptions &options) {
-  const std::vector<batch::FreeParam> free = free_params(outcome.model, part.mode);
-  if (free.empty() || training.empty()) return;
-  const Data data = split(training, held_out);
-  std::vector<Trial> trials{{"equation", outcome.model, interval_uncertainty(outcome.model, free), judge(outcome.model, part, data.judged)}};
+constexpr double kLocal = 1.0;       // windows up to this length have residuals that forget: their covariance can be trusted
+constexpr double kWorthIt = 0.10;    // a long objective must predict kept-aside stretches that much better (log of the error)
+
+// The sharpest of the local objectives that predict about as well as the best of them.
+const Trial *choose_local(const std::vector<Trial> &trials) {
+  double best = INFINITY;
+  for (const Trial &t : trials)
+    if (t.window_s > 0 && t.window_s <= kLocal) best = std::min(best, t.score);
+  const Trial *chosen = nullptr;
+  for (const Trial &t : trials)
+    if (t.window_s > 0 && t.window_s <= kLocal && t.score <= best + 0.05 && std::isfinite(t.score) && (!chosen || t.uncertainty < chosen->uncertainty)) chosen = &t;
+  return chosen;
+}
+
+const Trial *choose(const std::vector<Trial> &trials) {
+  const Trial *chosen = choose_local(trials);
+  for (const Trial &t : trials) {
+    const bool local = t.window_s > 0 && t.window_s <= kLocal;
+    if (!local && std::isfinite(t.score) && (!chosen || t.score < chosen->score - kWorthIt)) chosen = &t;
+  }
+  return chosen;
+}
+
+// A long run's residual never forgets, so its own covariance is too narrow: the interval reaches at least as far as the local fit's, and as its value.
+void widen_intervals(driveid_model &model, const std::vector<batch::FreeParam> &free, const batch::OutputErrorResult &local) {
+  driveid_model other = local.model;
+  write_intervals(other, free, local);
+  for (const batch::FreeParam &f : free) {
+    driveid_param &p = param_of(model, f);
+    const driveid_param &q = param_of(other, f);
+    const double half = std::max({p.hi - p.value, q.hi - q.value, std::fabs(p.value - q.value)});
+    p.lo = p.value - half;
+    p.hi = p.value + half;
+  }
+}
+
+// Every objective on one division of the data, each started from the one before where that predicts well.
+std::vector<Trial> try_objectives(FitOutcome &outcome, const Part &part, const Data &data, const std::vector<batch::FreeParam> &free, const FitOptions &options) {
+  std::vector<Trial> trials{{"equation", -1, outcome.model, interval_uncertainty(outcome.model, free), judge(outcome.model, part, data.judged)}};
   double longest = 0;
   for (const batch::Stretch &s : data.training) longest = std::max(longest, s.t_s.back() - s.t_s.front());
-  driveid_model start = outcome.model;
   std::vector<double> lengths{0.2, 1.0, 5.0, 0.0};
   if (options.window_s >= 0) lengths = {options.window_s}, trials.clear();
+  driveid_model start = outcome.model;
   for (double window : lengths) {
     if (window > 0.4 * longest && options.window_s < 0) continue;
-    if (options.tick && !options.tick(window == 0 ? 0.7 : 0.3 + 0.07 * window, "refine")) { outcome.cancelled = true; return; }
+    if (options.tick && !options.tick(window == 0 ? 0.7 : 0.3 + 0.07 * window, "refine")) {
+      outcome.cancelled = true;
+      return trials;
+    }
     const auto r = refine(start, part, data.training, window, free, 6);
     if (!r) continue;
-    Trial t{window_name(window), r->model, uncertainty_of(r->model, free, r->covariance), 0};
-    t.score = judge(t.model, part, data.judged);
+    Trial t{window_name(window), window, r->model, uncertainty_of(r->model, free, r->covariance), judge(r->model, part, data.judged)};
     if (trials.empty() || t.score < trials.back().score + 0.5) start = t.model;
     trials.push_back(t);
   }
-  double best = INFINITY;
-  for (const Trial &t : trials) best = std::min(best, t.score);
-  const Trial *chosen = nullptr;
-  for (const Trial &t : trials)   // the sharpest of those that predict as well as the best
-    if (t.score <= best + 0.02 && (!chosen || t.uncertainty < chosen->uncertainty)) chosen = &t;
-  if (!chosen || !std::isfinite(chosen->score)) return;
+  return trials;
+}
+
+// An objective that failed in one turn is out.
+void add_scores(std::vector<Trial> &trials, const std::vector<Trial> &turn) {
+  for (Trial &t : trials) {
+    double second = INFINITY;
+    for (const Trial &u : turn)
+      if (u.name == t.name) second = u.score;
+    t.score = 0.5 * (t.score + second);
+  }
+}
+
+void refine_part(FitOutcome &outcome, const Part &part, const std::vector<batch::Stretch> &training, const std::vector<batch::Stretch> &held_out, const FitOptions &options) {
+  const std::vector<batch::FreeParam> free = free_params(outcome.model, part.mode);
+  if (free.empty() || training.empty()) return;
+  std::vector<Trial> trials;
+  for (const Data &data : folds(training, held_out)) {
+    const std::vector<Trial> turn = try_objectives(outcome, part, data, free, options);
+    if (outcome.cancelled) return;
+    if (trials.empty()) trials = turn;
+    else add_scores(trials, turn);
+  }
+  const Trial *chosen = choose(trials);
+  if (!chosen) return;
   outcome.objective += (outcome.objective.empty() ? "" : ", ") + chosen->name;
-  if (chosen->name == "equation") return;
-  double window = 0;
-  std::sscanf(chosen->name.c_str(), "windows of %lf", &window);
-  const auto last = refine(chosen->model, part, training, window, free, 6);   // with the kept-aside stretches of the training records
+  if (chosen->window_s < 0) return;
+  const auto last = refine(chosen->model, part, training, chosen->window_s, free, 8);   // with the kept-aside stretches of the training records
   if (!last) return;
-  outcome.model = last->model;
-  write_intervals(outcome.model, free, *last);
+  driveid_model refined = last->model;
+  write_intervals(refined, free, *last);
+  if (!(chosen->window_s > 0 && chosen->window_s <= kLocal)) {
+    const Trial *local = choose_local(trials);
+    const auto again = local ? refine(local->model, part, training, local->window_s, free, 6) : std::nullopt;
+    if (again) widen_intervals(refined, free, *again);
+  }
+  outcome.model = refined;
 }
 
 std::vector<batch::Stretch> all_stretches(const driveid_model &model, const std::vector<Prepared> &records, const EquationSet &set, driveid_sim_mode mode) {

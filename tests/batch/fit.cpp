@@ -1,0 +1,198 @@
+// SPDX-License-Identifier: Apache-2.0
+// Fit through the public function: truth recovered, intervals that cover, refusals that say what to record.
+#include <cstdlib>
+#include <cstring>
+
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "records.hpp"
+
+using nlohmann::json;
+
+namespace {
+
+const char *const kModel =
+    "format = 1\nstructure = \"rigid_axis\"\n[parameters.K_t_Nm_A]\nvalue = 0.05\nstate = \"given\"\n[[effect]]\nname = \"coulomb\"\n[[effect]]\nname = \"constant_load\"\n";
+
+json fit(const std::string &model, std::vector<records::Record> &training, driveid_status expected = DRIVEID_OK, std::string *said = nullptr) {
+  std::vector<driveid_record> raw;
+  for (auto &r : training) raw.push_back(r.get());
+  driveid_task task = {model.c_str(), raw.data(), raw.size(), nullptr, 0, nullptr, nullptr, nullptr};
+  char *text = nullptr, message[600] = "";
+  const driveid_status s = driveid_fit(&task, &text, message, sizeof message);
+  EXPECT_EQ(s, expected) << message;
+  if (said) *said = message;
+  const json document = text ? json::parse(text) : json();
+  driveid_text_free(text);
+  return document;
+}
+
+struct Tally { int inside = 0, all = 0; double width = 0; };
+
+void count(std::map<std::string, Tally> &tally, const json &document, const std::map<std::string, double> &truth) {
+  for (const auto &[name, value] : truth) {
+    const json &p = document["parameters"][name];
+    Tally &t = tally[name];
+    t.all++;
+    t.inside += p["interval"][0].get<double>() <= value && value <= p["interval"][1].get<double>();
+    t.width += (p["interval"][1].get<double>() - p["interval"][0].get<double>()) / 2 / std::fabs(value);
+  }
+}
+
+// Of n runs at 95 % fewer than this many inside has a chance of 0.1 % (normal bound of the binomial).
+int fewest(int n) { return int(n * 0.95 - 3.1 * std::sqrt(n * 0.95 * 0.05)) - 1; }
+
+void coverage(const records::Drive &drive, int runs, const char *name) {
+  std::map<std::string, Tally> tally;
+  for (int seed = 1; seed <= runs; seed++) {
+    std::vector<records::Record> training{records::closed_loop(drive, 12, 2e-3, uint32_t(seed))};
+    count(tally, fit(kModel, training), {{"J_kgm2", drive.J}, {"B_Nms_rad", drive.B}, {"tau_c_Nm", drive.tau_c}, {"tau_0_Nm", drive.tau_0}});
+  }
+  for (const auto &[p, t] : tally) {
+    std::printf("%s: %s inside %d of %d, mean half width %.2g %%\n", name, p.c_str(), t.inside, t.all, 100 * t.width / t.all);
+    EXPECT_GE(t.inside, fewest(t.all)) << name << " " << p;
+  }
+}
+
+int runs() { return std::getenv("DRIVEID_FULL") ? 200 : 16; }
+
+}  // namespace
+
+TEST(Fit, intervals_cover_with_white_angle_noise) { coverage({}, runs(), "angle noise"); }
+
+TEST(Fit, intervals_cover_with_noise_on_the_current_reading) {
+  records::Drive d;
+  d.reading_noise = 0.02;
+  coverage(d, runs(), "angle and current noise");
+}
+
+TEST(Fit, two_records_and_a_gap_are_one_fit) {
+  records::Drive d;
+  std::vector<records::Record> training{records::closed_loop(d, 8, 2e-3, 5), records::closed_loop(d, 8, 2e-3, 6)};
+  for (auto &v : training[0].column) v.second.erase(v.second.begin() + 2000, v.second.begin() + 2400);
+  training[0].t.erase(training[0].t.begin() + 2000, training[0].t.begin() + 2400);
+  const json j = fit(kModel, training);
+  EXPECT_NEAR(j["parameters"]["J_kgm2"]["value"].get<double>(), d.J, 0.01 * d.J);
+  EXPECT_NEAR(j["parameters"]["tau_c_Nm"]["value"].get<double>(), d.tau_c, 0.02 * d.tau_c);
+  EXPECT_EQ(j["records"].size(), 2u);
+  EXPECT_TRUE(j["model_toml"].get<std::string>().find("[[history]]") != std::string::npos);
+}
+
+TEST(Fit, without_torque_constant_parameters_are_per_ampere) {
+  records::Drive d;
+  std::vector<records::Record> training{records::closed_loop(d, 10, 2e-3, 7)};
+  const json j = fit("format = 1\nstructure = \"rigid_axis\"\n[[effect]]\nname = \"coulomb\"\n[[effect]]\nname = \"constant_load\"\n", training);
+  EXPECT_NEAR(j["parameters"]["J_As2_rad"]["value"].get<double>(), d.J / d.K_t, 0.01 * d.J / d.K_t);
+  EXPECT_NEAR(j["parameters"]["tau_c_A"]["value"].get<double>(), d.tau_c / d.K_t, 0.02 * d.tau_c / d.K_t);
+}
+
+TEST(Fit, cogging_of_unknown_order_and_an_own_formula) {
+  records::Drive d;
+  d.cogging = 0.006;
+  std::vector<records::Record> training{records::closed_loop(d, 12, 2e-3, 8)};
+  const json a = fit(std::string(kModel) + "[[effect]]\nname = \"cogging\"\n", training);
+  EXPECT_NEAR(a["parameters"]["N"]["value"].get<double>(), 7, 1e-6);
+  EXPECT_NEAR(a["parameters"]["A_Nm"]["value"].get<double>(), 0.006, 3e-4);
+  const json b = fit(std::string(kModel) + "[[effect]]\nname = \"mine\"\nformula = \"c*sin(7*theta_rad)\"\nadds_to = \"tau_Nm\"\n", training);
+  EXPECT_NEAR(b["parameters"]["c"]["value"].get<double>(), 0.006, 3e-4);
+}
+
+TEST(Fit, given_values_stay) {
+  records::Drive d;
+  std::vector<records::Record> training{records::closed_loop(d, 8, 2e-3, 9)};
+  const json j = fit(std::string(kModel) + "[parameters.J_kgm2]\nvalue = 1.2e-4\nstate = \"given\"\n", training);
+  EXPECT_EQ(j["parameters"]["J_kgm2"]["value"].get<double>(), 1.2e-4);
+  EXPECT_EQ(j["parameters"]["J_kgm2"]["state"], "given");
+}
+
+TEST(Fit, refusals_say_what_to_record) {
+  std::string said;
+  std::vector<records::Record> training{records::closed_loop({}, 8, 2e-3, 10)};
+  training[0].column.erase("i_A");
+  json j = fit(kModel, training, DRIVEID_ERR_DATA, &said);
+  EXPECT_EQ(j["verdict"], "bad_data");
+  EXPECT_NE(said.find("record"), std::string::npos);
+  training = {records::closed_loop({}, 0.05, 2e-3, 10)};
+  j = fit(kModel, training, DRIVEID_ERR_DATA, &said);
+  EXPECT_NE(said.find("record"), std::string::npos);
+  training = {records::closed_loop({}, 8, 2e-3, 10)};
+  std::fill(training[0].column["theta_rad"].begin(), training[0].column["theta_rad"].end(), 1.0);
+  fit(kModel, training, DRIVEID_ERR_DATA, &said);
+  EXPECT_NE(said.find("does not move"), std::string::npos) << said;
+  training = {records::closed_loop({}, 8, 2e-3, 10)};
+  for (double &v : training[0].column["i_A"]) v = -v;
+  fit(kModel, training, DRIVEID_ERR_DATA, &said);
+  EXPECT_NE(said.find("sign"), std::string::npos) << said;
+}
+
+TEST(Fit, bad_arguments_are_refused_without_a_document) {
+  driveid_task task = {};
+  char *text = nullptr, message[100];
+  EXPECT_EQ(driveid_fit(&task, &text, message, sizeof message), DRIVEID_ERR_ARGUMENT);
+  EXPECT_EQ(driveid_fit(nullptr, &text, message, sizeof message), DRIVEID_ERR_ARGUMENT);
+  std::vector<records::Record> training{records::closed_loop({}, 2, 2e-3, 10)};
+  fit("format = 1\nstructure = \"nonsense\"", training, DRIVEID_ERR_FORMAT);
+}
+
+TEST(Fit, a_progress_that_says_stop_is_obeyed) {
+  records::Record r = records::closed_loop({}, 8, 2e-3, 11);
+  const driveid_record raw = r.get();
+  driveid_task task = {kModel, &raw, 1, nullptr, 0, nullptr, [](void *, double, const char *) { return 1; }, nullptr};
+  char *text = nullptr, message[100];
+  EXPECT_EQ(driveid_fit(&task, &text, message, sizeof message), DRIVEID_NOT_YET);
+  EXPECT_EQ(text, nullptr);
+}
+
+TEST(Compare, errors_tests_and_the_free_run) {
+  records::Drive d;
+  std::vector<records::Record> training{records::closed_loop(d, 10, 2e-3, 12)};
+  const std::string good = fit(kModel, training)["model_toml"].get<std::string>();
+  const std::string poor = fit("format = 1\nstructure = \"rigid_axis\"\n[parameters.K_t_Nm_A]\nvalue = 0.05\nstate = \"given\"\n", training)["model_toml"].get<std::string>();
+  auto compare = [&](const std::string &model) {
+    std::vector<driveid_record> raw{training[0].get()};
+    driveid_task task = {model.c_str(), raw.data(), 1, nullptr, 0, nullptr, nullptr, nullptr};
+    char *text = nullptr, message[300] = "";
+    EXPECT_EQ(driveid_compare(&task, &text, message, sizeof message), DRIVEID_OK) << message;
+    const json document = json::parse(text);
+    driveid_text_free(text);
+    return document;
+  };
+  const json a = compare(good), b = compare(poor);
+  for (const char *key : {"equation", "one_step", "windows", "free_run"}) {
+    const json &e = a["records"][0][key];
+    EXPECT_GT(e["rmse"].get<double>(), 0) << key;
+    EXPECT_LE(e["noise_floor"][0].get<double>(), e["noise_floor"][1].get<double>()) << key;
+    EXPECT_LT(e["rmse"].get<double>(), b["records"][0][key]["rmse"].get<double>()) << key;
+  }
+  EXPECT_EQ(a["free_run_rmse"], a["records"][0]["free_run"]["rmse"]);
+  auto passed = [](const json &document, const std::string &name) {
+    for (const json &t : document["records"][0]["tests"])
+      if (t["name"] == name) return t["passed"].get<bool>();
+    ADD_FAILURE() << "no test " << name;
+    return false;
+  };
+  EXPECT_FALSE(passed(b, "independence of sign(omega)"));
+  EXPECT_TRUE(passed(a, "independence of sign(omega)"));
+  EXPECT_TRUE(passed(a, "independence of |omega|"));
+}
+
+TEST(Series, rows_and_names_are_those_of_the_record) {
+  records::Record r = records::closed_loop({}, 6, 2e-3, 13);
+  std::vector<records::Record> training{r};
+  const std::string model = fit(kModel, training)["model_toml"].get<std::string>();
+  const driveid_record raw = r.get();
+  char *text = nullptr, message[300] = "";
+  double *data = nullptr;
+  ASSERT_EQ(driveid_series(model.c_str(), &raw, &text, &data, message, sizeof message), DRIVEID_OK) << message;
+  const json header = json::parse(text);
+  ASSERT_EQ(header["rows"].get<size_t>(), raw.rows);
+  std::map<std::string, size_t> at;
+  for (size_t k = 0; k < header["series"].size(); k++) at[header["series"][k]["name"]] = k;
+  ASSERT_TRUE(at.count("theta_rad") && at.count("theta_rad.free_run") && at.count("theta_rad.one_step") && at.count("torque.equation"));
+  EXPECT_EQ(data[at["theta_rad"] * raw.rows + 100], r.column["theta_rad"][100]);
+  EXPECT_NEAR(data[at["theta_rad.one_step"] * raw.rows + 100], r.column["theta_rad"][100], 1e-3);
+  driveid_series_free(data);
+  driveid_text_free(text);
+}
