@@ -203,6 +203,30 @@ void each(Reader& reader, const toml::table& root, const char* name, const std::
     for (auto&& item : *list) action(*item.as_table(), index++);
 }
 
+// toml++ 3.3 takes for granted that a table header begins with a key ("[.a]" and "[" at the end of a line are undefined there).
+// No value of this configuration is an array of arrays, so each line that begins with a bracket is a header. 0: all is well.
+int bad_header_line(std::string_view text) {
+    int number = 0;
+    while (!text.empty()) {
+        ++number;
+        const size_t end = std::min(text.find('\n'), text.size());
+        std::string_view line = text.substr(0, end);
+        text.remove_prefix(std::min(end + 1, text.size()));
+        const auto skip = [&](std::string_view set, size_t most) {
+            for (size_t n = 0; n < most && !line.empty() && set.find(line[0]) != std::string_view::npos; ++n) line.remove_prefix(1);
+        };
+        skip(" \t", line.size());
+        if (line.empty() || line[0] != '[') continue;
+        line.remove_prefix(1);
+        skip(" \t", line.size());
+        skip("[", 1);
+        skip(" \t", line.size());
+        const bool key = !line.empty() && (isalnum(uint8_t(line[0])) || std::string_view("_-\"']").find(line[0]) != std::string_view::npos);
+        if (!key) return number;
+    }
+    return 0;
+}
+
 std::string text_of(const toml::table& table, const char* key) {
     return table[key].value<std::string>().value_or("");
 }
@@ -317,6 +341,10 @@ ConfigResult config_read_text(const std::string& text, const std::string& path) 
     Reader reader(result);
     if (text.size() > kLongestFile) {
         reader.error(1, "file", "is longer than 1 MiB; this is no configuration of driveidd");
+        return result;
+    }
+    if (const int line = bad_header_line(text); line > 0) {
+        reader.error(line, "TOML", "a table header begins with its name; write [name] or [[name]]");
         return result;
     }
     try {

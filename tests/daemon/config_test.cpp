@@ -134,7 +134,7 @@ TEST(Config, AllMistakesAreToldAtOnce) {
 TEST(Config, HostileTextsAreRefusedNotFollowed) {
     for (const std::string& text : {std::string(2 << 20, 'a'), std::string(100000, '['), std::string("a = ") + std::string(5000, '['), std::string("\xff\xfe\x00x", 4),
                                     std::string("[drive]\nname=1"), std::string("drive = 3"), std::string("drive = [1, 2]"), std::string("[[drive]]\nsignal = 4"),
-                                    std::string("[[drive]]\n[drive.signal]\nname=1"), std::string("[[source]]\n[[source]]"), std::string("control = 1")})
+                                    std::string("[[drive]]\n[drive.signal]\nname=1"), std::string("[[source]]\n[[source]]"), std::string("control = 1"), std::string("[.a]"), std::string("[\na]"), std::string("[[.a]]"), std::string("[[[a]]]"), std::string(" [ =1"), std::string("["), std::string("[[")})
         EXPECT_FALSE(config_read_text(text, "x").errors.empty()) << text.substr(0, 60);
 }
 
