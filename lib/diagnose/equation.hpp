@@ -34,6 +34,7 @@ struct Track {                     // one piece of one record in one equation
   Kernel kernel;
   std::vector<driveid_effect_state> state;   // fine grid
   std::vector<double> position;    // fine grid, as measured (or integrated speed)
+  std::vector<double> position_smooth;   // by the same kernel: what the load behind a gap is driven by (a gap of some quanta would else smooth them)
   std::vector<double> speed_raw;   // only where speed is what is measured
   std::vector<double> drive_raw;   // driving channel as logged, before the input shift
   std::vector<double> current_raw; // voltage equations: the current as logged (states carry it smoothed)

@@ -245,11 +245,17 @@ void detect_hold(Equation &e, double dt, const std::string &told, std::vector<No
   Eigen::VectorXd known = delayed_target(e, 0) - e.y;   // given terms, not shifted
   // In a voltage equation half a sample is nearly collinear with R i: the mean over the sample is assumed unless the data object.
   double best = INFINITY, chosen = 0;
-  for (double s : e.electrical ? std::vector<double>{-0.5, 0.0, 0.5} : std::vector<double>{0.0, -0.5, 0.5}) {
+  std::vector<double> shifts{-0.5, 0.0, 0.5};
+  if (!e.electrical) {   // the skew between current and angle lies anywhere within half a sample, a differenced speed lags by as much again
+    shifts.clear();
+    for (int k = -5; k <= (e.tracks[0].speed_raw.empty() ? 5 : 10); ++k) shifts.push_back(0.1 * k);
+  }
+  for (double s : shifts) {
     double r = rms_with(e, x, delayed_target(e, s * dt) - known);
-    if (r < (best == INFINITY ? 1.0 : e.electrical ? 0.98 : 0.9995) * best) best = r, chosen = s;
+    if (r < (best == INFINITY || !e.electrical ? 1.0 : 0.98) * best) best = r, chosen = s;
   }
   e.input_shift_s = chosen * dt;
+  chosen = chosen < -0.25 ? -0.5 : chosen > 0.25 ? 0.5 : 0;
   const char *what = chosen < 0 ? "averaged over the sample before its stamp" : chosen > 0 ? "held from its stamp to the next" : "an instant value at its stamp";
   notices.push_back({"hold", std::string("the input of the ") + e.signal + " equation is read as " + what + " (detected; --hold says otherwise)", ""});
 }
@@ -342,6 +348,7 @@ Equation mechanical(const driveid_model &model, const std::vector<Source> &sourc
         t.speed_raw = f.raw_speed;
         t.drive_raw = p.signal.at(s.roles.input);
         t.rest = rests(f, s, dt, half);
+        t.position_smooth = convolve_all(t.position, wide, 0);
         bool is_current = s.roles.input != "v_V" && s.roles.input != "tau_Nm" && s.roles.input != "F_N";
         fill_states(t, p, f, t.drive_raw, gain, 0, is_current ? t.drive_raw : std::vector<double>(), temperature_of(p), false, 0);
         place_rows(t, p, step, pass == 0, run);

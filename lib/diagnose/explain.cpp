@@ -65,8 +65,8 @@ std::vector<Value> values_of(const Search &search, const Solution &solution, std
   return out;
 }
 
-// Monotone in the lead over the next explanation and in what is explained; the constants were read off generated cases
-// (docs/manual/explain.md says how).
+// Monotone in the lead over the next explanation and in what is explained; the constants are judgement, not calibration
+// (docs/manual/explain.md).
 double confidence_of(const Analysis &a, const Found &f) {
   double lead = 1 - std::exp(-std::max(0.0, f.margin) / 6), strength = 1 - std::exp(-std::max(0.0, f.worth) / 8), whole = std::clamp(a.explained / 0.7, 0.2, 1.0);
   double c = (0.35 + 0.63 * lead) * strength * whole;

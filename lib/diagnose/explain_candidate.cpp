@@ -58,17 +58,18 @@ bool is(const Candidate &c, const char *name) { return c.info && !std::strcmp(c.
 // Load position behind spring, damper and (with gap > 0) clearance, driven by the measured motor position. Written without
 // the motor's speed: with q = x' - 2 zeta w theta the drive enters undifferentiated.
 void load_position(const Track &t, double w, double zeta, double gap, std::vector<double> &x) {
-  const std::size_t n = t.position.size();
+  const std::vector<double> &position = !(gap > 0) || t.position_smooth.empty() ? t.position : t.position_smooth;
+  const std::size_t n = position.size();
   x.resize(n);
   if (n == 0) return;
   const int sub = std::max(1, int(std::ceil(w * t.dt_s / 0.25)));
   const double h = t.dt_s / sub;
-  double p = t.position[0], v = n > 1 ? (t.position[std::min<std::size_t>(n - 1, 8)] - t.position[0]) / (t.dt_s * double(std::min<std::size_t>(n - 1, 8))) : 0;
+  double p = position[0], v = n > 1 ? (position[std::min<std::size_t>(n - 1, 8)] - position[0]) / (t.dt_s * double(std::min<std::size_t>(n - 1, 8))) : 0;
   const double half = 0.5 * gap;
   for (std::size_t k = 0; k < n; ++k) {
     x[k] = p;
     if (k + 1 == n) break;
-    const double a = t.position[k], b = t.position[k + 1], rate = t.state.empty() ? (b - a) / t.dt_s : 0.5 * (t.state[k].speed + t.state[k + 1].speed);
+    const double a = position[k], b = position[k + 1], rate = t.state.empty() ? (b - a) / t.dt_s : 0.5 * (t.state[k].speed + t.state[k + 1].speed);
     for (int j = 0; j < sub; ++j) {
       const double m = a + (b - a) * (j + 0.5) / sub;
       const double q = p + 0.5 * h * v, twist = m - q;
@@ -140,8 +141,8 @@ std::vector<Candidate> make_candidates(const Equation &e) {
             for (double n = std::max(x.lo, is(c, "cogging") || is(c, "torque_ripple") ? 2.0 : 1.0); n <= std::min(s.hi, 150.0); n += 1) x.grid.push_back(n);
           } else {
             x.whole = false;
-            double top = std::max(4.0, std::min(160.0, s.hi));
-            for (double n = 1; n <= (s.hi < 20 ? 20.0 : top); n += 0.5) x.grid.push_back(kTwoPi * n / range);
+            const double top = std::max(4.0, std::min(100.0, s.hi));   // fewer than three periods are a force over position, not cogging
+            for (double n = 3; n <= (s.hi < 20 ? 20.0 : top); n += 0.5) x.grid.push_back(kTwoPi * n / range);
             x.lo = x.grid.front();
             x.hi = x.grid.back();
           }
@@ -180,8 +181,9 @@ std::vector<Candidate> make_candidates(const Equation &e) {
     if (is(c, "delay")) {
       double most = std::max(60 * r.dt, 3 * r.kernel_s);
       std::vector<double> g;
-      for (double d = 0.7; d * r.dt <= most; d *= 1.3) g.push_back(d * r.dt);
-      axis(0.6 * r.dt, most, false, std::move(g));   // less is a matter of how the input was read
+      const double least = e.electrical ? 1.7 : 1.0;
+      for (double d = least; d * r.dt <= most; d *= 1.3) g.push_back(d * r.dt);
+      axis((least - 0.1) * r.dt, most, false, std::move(g));   // less is a matter of how the input was read
       c.columns = 0;
     } else if (is(c, "encoder_eccentricity")) {
       c.columns = 2;
@@ -231,7 +233,8 @@ Term realise(const Equation &e, const Candidate &c, const std::vector<double> &s
     term.column.resize(rows, 1);
     term.column.col(0) = stack(e, [&](const Track &t, std::vector<double> &x) {
       load_position(t, w, zeta, width, x);
-      for (std::size_t k = 0; k < x.size(); ++k) x[k] -= t.position[k];
+      const std::vector<double> &motor = !gap || t.position_smooth.empty() ? t.position : t.position_smooth;
+      for (std::size_t k = 0; k < x.size(); ++k) x[k] -= motor[k];
     }, 2);
     return term;
   }
@@ -294,7 +297,42 @@ Term realise(const Equation &e, const Candidate &c, const std::vector<double> &s
   return term;
 }
 
+// Inside its threshold a dead zone also swallows the noise of the drive.
+static double dead_zone_noise(const Equation &e, double threshold, double inertia, double damping) {
+  if (e.electrical || !(e.noise_drive > 0)) return 1;
+  double passed = 0, all = 0, kept = 0, square = 0;
+  for (const Track &t : e.tracks)
+    for (int r : t.row) {
+      const double d = t.state[std::size_t(r)].drive, out = d > threshold ? d - threshold : d < -threshold ? d + threshold : 0;
+      passed += out != 0;
+      all += 1;
+      kept += out * d;
+      square += d * d;
+    }
+  if (!(square > 0) || !(kept > 0)) return 1;
+  const Track &t0 = e.tracks[0];
+  const bool from_speed = !t0.speed_raw.empty();
+  const auto &wa = t0.kernel.w[from_speed ? 1 : 2], &wb = t0.kernel.w[from_speed ? 0 : 1], &w0 = t0.kernel.w[0];
+  const int step = t0.row.size() > 1 ? std::max(1, t0.row[1] - t0.row[0]) : 1, n = int(w0.size()), p = int(e.ar.size());
+  double motion = 0, drive = 0;
+  for (int k = 0; k < n + p * step; ++k) {
+    double m = 0, d = 0;
+    for (int j = 0; j <= p; ++j) {
+      const int i = k - j * step;
+      if (i < 0 || i >= n) continue;
+      const double a = j ? -e.ar[std::size_t(j - 1)] : 1;
+      m += a * (inertia * wa[std::size_t(i)] + damping * wb[std::size_t(i)]);
+      d += a * e.gain * w0[std::size_t(i)];
+    }
+    motion += e.noise_motion * m * m;
+    drive += e.noise_drive * d * d;
+  }
+  const double scale = kept / square;
+  return (motion + drive * passed / all / (scale * scale)) / std::max(1e-300, motion + drive);
+}
+
 double noise_ratio(const Equation &e, const Candidate &c, const std::vector<double> &shape, const Eigen::VectorXd &linear, double inertia, double damping) {
+  if (is(c, "dead_zone")) return dead_zone_noise(e, shape[0], inertia, damping);
   if (!is(c, "compliance") && !is(c, "backlash")) return 1;
   if (!(e.noise_motion > 0) || linear.size() == 0) return 1;
   const bool gap = is(c, "backlash");
@@ -303,11 +341,18 @@ double noise_ratio(const Equation &e, const Candidate &c, const std::vector<doub
   // response of the load to one wrong position sample (a closed gap is the worst case for filtering)
   Track pulse;
   pulse.dt_s = t0.dt_s;
-  const int before = 2, after = std::min(4000, std::max(400, int(8 / (std::max(0.02, shape[gap ? 2 : 1]) * shape[gap ? 1 : 0] * t0.dt_s))));
+  const bool smooth = gap && !t0.position_smooth.empty();
+  const int before = !smooth ? 2 : t0.kernel.half + 2, after = std::min(4000, std::max(400, int(8 / (std::max(0.02, shape[gap ? 2 : 1]) * shape[gap ? 1 : 0] * t0.dt_s))));
   pulse.position.assign(std::size_t(before + after), 0.0);
-  pulse.position[before] = 1;
+  pulse.position[std::size_t(before)] = 1;
+  if (smooth) {
+    pulse.position_smooth.assign(pulse.position.size(), 0.0);
+    for (int k = -half; k <= half; ++k) pulse.position_smooth[std::size_t(before + k)] = t0.kernel.w[0][std::size_t(k + half)];
+  }
+  const std::vector<double> &motor = pulse.position_smooth.empty() ? pulse.position : pulse.position_smooth;
   std::vector<double> x;
-  load_position(pulse, shape[gap ? 1 : 0], shape[gap ? 2 : 1], 0, x);
+  if (smooth) pulse.position.swap(pulse.position_smooth), pulse.position_smooth = pulse.position;
+  load_position(pulse, shape[gap ? 1 : 0], shape[gap ? 2 : 1], 0, x);   // a closed gap
   const bool from_speed = !t0.speed_raw.empty();
   const int margin = half + p * step, length = before + after + 2 * margin;
   std::vector<double> rigid(std::size_t(length), 0.0), spring(std::size_t(length), 0.0), drive(std::size_t(length), 0.0);
@@ -317,7 +362,7 @@ double noise_ratio(const Equation &e, const Candidate &c, const std::vector<doub
     drive[std::size_t(before + k)] += e.gain * t0.kernel.w[0][std::size_t(k)];
   }
   for (int m = 0; m < before + after; ++m) {
-    double d = x[std::size_t(m)] - pulse.position[std::size_t(m)];
+    double d = x[std::size_t(m)] - motor[std::size_t(m)];
     if (d == 0) continue;
     for (int k = 0; k <= 2 * half; ++k) spring[std::size_t(m + k)] += linear[0] * d * wa[std::size_t(k)];
   }
@@ -459,6 +504,7 @@ Equation thinned(const Equation &e, std::size_t wanted) {
       s.speed_raw = cut(t.speed_raw);
       s.drive_raw = cut(t.drive_raw);
       s.rest = cut(t.rest);
+      s.position_smooth = cut(t.position_smooth);
       s.current_raw = cut(t.current_raw);
       s.first = t.first + a;   // for now: where it comes from
       for (std::size_t r = a; r < b; ++r) s.row.push_back(t.row[r] - int(from)), s.run.push_back(t.run[r]);

@@ -8,12 +8,12 @@
 namespace driveid::diagnose {
 namespace {
 
-constexpr double kWorthMin = 12;        // log-likelihood beyond cost that an effect must bring
-constexpr double kRelativeMin = 0.002;  // and the share of the squared error
+constexpr double kWorthMin = 14;        // log-likelihood beyond cost that an effect must bring
+constexpr double kRelativeMin = 0.003;  // and the share of the squared error
 constexpr double kBlocksT = 2.0;        // and over blocks
 
 bool acceptable(const Option &o) {
-  return o.possible && o.worth() > kWorthMin && o.relative > kRelativeMin && o.relative_raw > kRelativeMin && (o.t > kBlocksT || o.improved >= 0.75) && o.held_gain > 0;
+  return o.possible && o.worth() > kWorthMin && o.relative > kRelativeMin && o.relative_raw > kRelativeMin && (o.t > kBlocksT || o.improved >= 0.75 || (o.worth() > 60 && o.t > 1.0 && o.improved >= 0.5)) && o.held_gain > 0;
 }
 
 int complexity(const Search &s, const Option &o) {
@@ -112,6 +112,8 @@ Remainder beyond(const Search &search, const std::vector<Family> &families, cons
         for (int k : columns[f]) c.push_back(k), rr.push_back(r);
         BlockGram::Score s = gram.cross_validate(c, rr);
         double worth = 0.5 * n * std::log(current.total / std::max(s.total, 1e-300)) - 2;
+        const std::string &name = families[f].name;   // made of the target itself: its noise is in them too
+        if ((name == "drive" || name == "inertia_drive" || name == "drive_speed" || name == "drive_position") && s.total > 0.95 * current.total) continue;
         if (worth > best_worth) best_worth = worth, best = int(f), best_score = s, best_ridge = r;
       }
     }
@@ -247,8 +249,8 @@ Analysis analyse(Equation equation, const driveid_model &model, const Settings &
   double left = a.removable > 0 ? (a.after.score.total - floor_sse) / a.removable : 0;
   // Noise of the current on both sides of a voltage equation looks like a curved resistance: more is asked there.
   const bool electrical = search.equation().electrical;
-  bool more = a.remainder.gain > 25 && (a.remainder.t > 2.5 || a.remainder.improved >= 0.8) && (a.after.score.total - a.remainder.sse) / a.after.score.total > (electrical ? 0.12 : 0.01);
-  a.unknown = more && (a.found.empty() || left > 0.3);
+  bool more = a.remainder.gain > 40 && (a.remainder.t > 2.5 || a.remainder.improved >= 0.75) && (a.after.score.total - a.remainder.sse) / a.after.score.total > (electrical ? 0.12 : 0.03);
+  a.unknown = more && (a.found.empty() || left > 0.35);
   if (settings.tick) settings.tick(1.0);
   return a;
 }

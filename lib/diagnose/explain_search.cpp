@@ -193,7 +193,7 @@ Option Search::judged(int index, const Context &context, const std::vector<doubl
   for (int k = 0; k < int(z.cols()); ++k) all.push_back(k);
   BlockGram gram(full_, z, y);
   BlockGram::Score score = gram.cross_validate(all, {});
-  if (t.column.cols()) {
+  {
     Eigen::VectorXd p = gram.solve(all, {}, false);
     double inertia = full_.base_column.empty() ? 0 : full_.base_column[0].given ? full_.base_column[0].value : p[0] * context.full.scale[0];
     o.noise = noise_ratio(full_, c, shape, p.tail(t.column.cols()), inertia, nominal_.damping);
@@ -213,7 +213,7 @@ Option Search::judged(int index, const Context &context, const std::vector<doubl
   o.t = paired_t(against.sse, score.sse);
   o.improved = improved(against.sse, score.sse);
   o.relative_raw = 1 - o.raw / std::max(context.raw, 1e-300);
-  if (c.name == "compliance" && t.column.cols()) {
+  if (c.name == "compliance" && t.column.cols() && shape[1] > 0.2) {   // a filter of noise does not ring
     Eigen::VectorXd p = gram.solve(all, {}, false);
     double inertia = full_.base_column[0].given ? full_.base_column[0].value : p[0] * context.full.scale[0];
     Eigen::VectorXd taken = whiten(full_, spring_on_drive(full_, inertia, p[p.size() - 1], shape[0], shape[1]));
@@ -317,6 +317,7 @@ std::vector<Option> Search::offer(const std::vector<Member> &members, const std:
         if (!known_[k].empty()) seeds.push_back(known_[k]);
         Option o = try_candidate(int(k), *of[k], seeds);
         if (o.possible) {
+          o.unchecked = o.total;
           if (o.check >= 0) {   // believe the side that explains less
             double offered = of[k]->score.total, believed = offered * (1 - 1.5 * std::max(0.0, 1 - o.check));
             if (believed > o.total) {
@@ -341,6 +342,20 @@ std::vector<Option> Search::offer(const std::vector<Member> &members, const std:
   work(true);
   for (auto &t : pool) t.join();
   cancelled_ |= stop;
+  // A gap must beat the spring it contains by something of its own; else it is the spring, with the spring's evidence.
+  int spring = -1, gap = -1;
+  for (std::size_t k = 0; k < out.size(); ++k) {
+    if (out[k].possible && candidates_[k].name == "compliance") spring = int(k);
+    if (out[k].possible && candidates_[k].name == "backlash") gap = int(k);
+  }
+  if (spring >= 0 && gap >= 0) {
+    Option &g = out[std::size_t(gap)], &s = out[std::size_t(spring)];
+    double own = 0.5 * rows_ * std::log(s.unchecked / std::max(g.total, 1e-300));   // beyond the spring taken at its word
+    if (own < std::max(25.0, 0.1 * g.gain)) {
+      g.gain = std::min(g.gain, s.gain - 2);
+      g.total = std::max(g.total, s.total);
+    }
+  }
   for (std::size_t k = 0; k < out.size(); ++k)
     if (out[k].possible && !out[k].shape.empty()) known_[k] = out[k].shape;
   return out;

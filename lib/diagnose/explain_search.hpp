@@ -29,6 +29,7 @@ struct Option {
   double t = 0;               // paired over blocks
   double improved = 0;        // share of the blocks that get better
   double check = -1;          // spring: share of the error left when it is seen from the drive; negative: not asked
+  double unchecked = 0;       // total before that
   double relative_raw = 0;    // the same share before whitening: what a user sees fall
   double held_gain = 0;       // log-likelihood gained on held-out blocks by a fit to the training blocks alone
   std::vector<double> sse;    // by block

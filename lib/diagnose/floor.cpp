@@ -27,7 +27,7 @@ std::vector<double> sample(const Equation &e, const std::function<double(const d
 }
 
 // Knots half by quantile, half by range, so that neither rare nor frequent values are left coarse.
-std::vector<double> knots(const Equation &e, const std::function<double(const driveid_effect_state &)> &of, int count) {
+std::vector<double> knots(const Equation &e, const std::function<double(const driveid_effect_state &)> &of, int count, double least = 0) {
   std::vector<double> v = sample(e, of), k;
   if (v.size() < 10 || v.back() - v.front() < 1e-12) return k;
   for (int j = 0; j < count; ++j) {
@@ -37,7 +37,7 @@ std::vector<double> knots(const Equation &e, const std::function<double(const dr
   std::sort(k.begin(), k.end());
   std::vector<double> out;
   for (double x : k)
-    if (out.empty() || x - out.back() > 1e-3 * (k.back() - k.front())) out.push_back(x);
+    if (out.empty() || x - out.back() > std::max(least, 1e-3 * (k.back() - k.front()))) out.push_back(x);
   return out;
 }
 
@@ -110,10 +110,24 @@ Eigen::MatrixXd memories(const Equation &e, double range) {
   const driveid_effect_info *dahl = driveid_effect_find("hysteresis");
   Eigen::MatrixXd m(Eigen::Index(e.rows), 5);
   for (int j = 0; j < 5; ++j) {
-    double shape[1] = {travel[j] * range};
+    double shape[1] = {std::max(travel[j] * range, 4 * e.quantum)};
     m.col(j) = effect_columns(e, *dahl, shape).col(0);
   }
   return m;
+}
+
+// What inertia, damping, direction and a constant leave of the drive: an upper bound of the drive's noise. Knots closer than some of
+// these would let a family of the drive explain that noise by itself.
+double spread_of_rest(const Equation &e) {
+  Eigen::MatrixXd x(Eigen::Index(e.rows), e.base.cols() + 2);
+  x.leftCols(e.base.cols()) = e.base;
+  x.col(e.base.cols()) = one_column(e, [](const driveid_effect_state &s) { return s.direction; });
+  x.col(e.base.cols() + 1).setOnes();
+  Eigen::VectorXd scale = (x.colwise().norm().array() + 1e-300).matrix().transpose().cwiseInverse();
+  Eigen::MatrixXd q = x * scale.asDiagonal(), g = q.transpose() * q;
+  g.diagonal().array() += 1e-10;
+  Eigen::VectorXd r = e.y - q * g.ldlt().solve(q.transpose() * e.y);
+  return std::sqrt(r.squaredNorm() / double(e.rows));
 }
 
 void mechanical_families(const Equation &e, std::vector<Family> &out) {
@@ -128,14 +142,14 @@ void mechanical_families(const Equation &e, std::vector<Family> &out) {
     if (column.cols()) out.push_back({name, std::move(coordinates), std::move(catalogue), std::move(column)});
   };
   std::vector<double> kw = knots(e, speed, 11), kabs = knots(e, [](const driveid_effect_state &s) { return std::fabs(s.speed); }, 8);
-  std::vector<double> kx = knots(e, position, 22), kx8 = knots(e, position, 9), ki = knots(e, drive, 9), kt = knots(e, time, 7);
+  std::vector<double> kx = knots(e, position, 22), kx8 = knots(e, position, 9), ki = knots(e, drive, 9, 5 * spread_of_rest(e)), kt = knots(e, time, 7);
   double range = kx.empty() ? 1 : kx.back() - kx.front();
   add("speed", {w}, {"coulomb", "stribeck", "quadratic_drag", "constant_load", "asymmetric_friction", "current_offset"},
       beside(one_column(e, one), beside(product_columns(e, one, speed, kw), product_columns(e, direction, [](const driveid_effect_state &s) { return std::fabs(s.speed); }, kabs))));
   add("position", {x}, {"gravity_unbalance", "cogging", "constant_load"}, product_columns(e, one, position, kx));
   if (rotary) add("turn", {x}, {"gravity_unbalance", "cogging"}, harmonics(e, one, 1, 8));
   add("drive", {i}, {"torque_saturation", "dead_zone"}, no_drive(e, product_columns(e, drive, drive, ki)));
-  add("inertia_drive", {"acceleration", i}, {"torque_saturation"}, accel_columns(e, [](const driveid_effect_state &s) { return std::fabs(s.drive); }, knots(e, [](const driveid_effect_state &s) { return std::fabs(s.drive); }, 6)));
+  add("inertia_drive", {"acceleration", i}, {"torque_saturation"}, accel_columns(e, [](const driveid_effect_state &s) { return std::fabs(s.drive); }, knots(e, [](const driveid_effect_state &s) { return std::fabs(s.drive); }, 6, 5 * spread_of_rest(e) / std::max(1e-300, e.gain))));
   add("direction_position", {"direction", x}, {"eccentric_friction"}, beside(product_columns(e, direction, position, kx8), rotary ? harmonics(e, direction, 1, 4) : Eigen::MatrixXd(Eigen::Index(e.rows), 0)));
   add("damping_position", {w, x}, {}, product_columns(e, speed, position, kx8));
   add("inertia_position", {"acceleration", x}, {}, beside(accel_columns(e, position, kx8), rotary ? accel_columns(e, position, {}, 1, 4) : Eigen::MatrixXd(Eigen::Index(e.rows), 0)));
