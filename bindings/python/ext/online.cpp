@@ -147,7 +147,7 @@ private:
             }
         double channel[DRIVEID_CHANNELS_MAX] = {};
         driveid_status status = driveid_online_channels(&online_, &sample, channel);
-        if (status == DRIVEID_OK) status = driveid_estimator_update(storage_->get(), t_ns, channel);
+        if (status == DRIVEID_OK) status = driveid_estimator_update(storage_->get(), online_.t_ns, channel);
         out.status[r] = static_cast<int8_t>(status);
         if (ask) estimate(r, out);
     }
