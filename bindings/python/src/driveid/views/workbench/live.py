@@ -8,7 +8,7 @@ import contextlib
 import json
 import time
 
-from starlette.websockets import WebSocket, WebSocketDisconnect
+from starlette.websockets import WebSocket
 
 from .. import units
 from ..feed import Feed, NotConnected
@@ -83,15 +83,15 @@ class Live:
         drawn = asyncio.Event()
         drawn.set()
         wish: dict = {"drive": socket.query_params.get("drive", ""), "sent": -1}
-        listening = asyncio.create_task(self._listen(socket, drawn, wish))
+        both = [asyncio.create_task(self._listen(socket, drawn, wish)), asyncio.create_task(self._push(socket, drawn, wish))]
         try:
-            await self._push(socket, drawn, wish)
-        except (WebSocketDisconnect, RuntimeError, TimeoutError, asyncio.CancelledError):
-            pass  # the page left, went to sleep, or the workbench ends
+            await asyncio.wait(both, return_when=asyncio.FIRST_COMPLETED)  # the page left, went to sleep, or the workbench ends
+        except asyncio.CancelledError:
+            pass
         finally:
-            listening.cancel()
-            with contextlib.suppress(asyncio.CancelledError, WebSocketDisconnect, RuntimeError, ValueError):
-                await listening
+            for task in both:
+                task.cancel()
+            await asyncio.gather(*both, return_exceptions=True)
             self._leaving.add(task := asyncio.create_task(self._leave()))
             task.add_done_callback(self._leaving.discard)
 
