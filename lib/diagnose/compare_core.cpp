@@ -216,7 +216,10 @@ void simulated(ErrorObject &o, const std::vector<batch::Stretch> &stretches, con
 }
 
 void add_where(const Equation &e, const Eigen::VectorXd &residual, const Floor &floor, ordered_json &where) {
-  const Eigen::VectorXd left = floor.flexible.size() == residual.size() ? Eigen::VectorXd(residual - floor.flexible) : residual;
+  if (floor.flexible.size() != residual.size()) return;
+  Eigen::MatrixXd gram = e.base.transpose() * e.base;   // what the flexible regression leaves of its own starting point, the bare structure
+  gram.diagonal() *= 1 + 1e-12;
+  const Eigen::VectorXd left = e.y - e.base * gram.ldlt().solve(e.base.transpose() * e.y) - floor.flexible;
   for (const Regime &r : locate(e, residual, left)) {
     if (where.size() >= 40) break;
     where.push_back({{"equation", e.signal}, {"axis", r.axis}, {"regime", r.text}, {"share", r.share}, {"rows", r.rows}, {"statistic", r.statistic}, {"bound", r.bound}, {"significant", r.significant}});

@@ -29,44 +29,7 @@ json fit(const std::string &model, std::vector<records::Record> &training, drive
   return document;
 }
 
-struct Tally { int inside = 0, all = 0; double width = 0; };
-
-void count(std::map<std::string, Tally> &tally, const json &document, const std::map<std::string, double> &truth) {
-  for (const auto &[name, value] : truth) {
-    const json &p = document["parameters"][name];
-    Tally &t = tally[name];
-    t.all++;
-    t.inside += p["interval"][0].get<double>() <= value && value <= p["interval"][1].get<double>();
-    t.width += (p["interval"][1].get<double>() - p["interval"][0].get<double>()) / 2 / std::fabs(value);
-  }
-}
-
-// Of n runs at 95 % fewer than this many inside has a chance of 0.1 % (normal bound of the binomial).
-int fewest(int n) { return int(n * 0.95 - 3.1 * std::sqrt(n * 0.95 * 0.05)) - 1; }
-
-void coverage(const records::Drive &drive, int runs, const char *name) {
-  std::map<std::string, Tally> tally;
-  for (int seed = 1; seed <= runs; seed++) {
-    std::vector<records::Record> training{records::closed_loop(drive, 12, 2e-3, uint32_t(seed))};
-    count(tally, fit(kModel, training), {{"J_kgm2", drive.J}, {"B_Nms_rad", drive.B}, {"tau_c_Nm", drive.tau_c}, {"tau_0_Nm", drive.tau_0}});
-  }
-  for (const auto &[p, t] : tally) {
-    std::printf("%s: %s inside %d of %d, mean half width %.2g %%\n", name, p.c_str(), t.inside, t.all, 100 * t.width / t.all);
-    EXPECT_GE(t.inside, fewest(t.all)) << name << " " << p;
-  }
-}
-
-int runs() { return std::getenv("DRIVEID_FULL") ? 200 : 16; }
-
 }  // namespace
-
-TEST(Fit, intervals_cover_with_white_angle_noise) { coverage({}, runs(), "angle noise"); }
-
-TEST(Fit, intervals_cover_with_noise_on_the_current_reading) {
-  records::Drive d;
-  d.reading_noise = 0.02;
-  coverage(d, runs(), "angle and current noise");
-}
 
 TEST(Fit, two_records_and_a_gap_are_one_fit) {
   records::Drive d;
@@ -167,15 +130,15 @@ TEST(Compare, errors_tests_and_the_free_run) {
     EXPECT_LT(e["rmse"].get<double>(), b["records"][0][key]["rmse"].get<double>()) << key;
   }
   EXPECT_EQ(a["free_run_rmse"], a["records"][0]["free_run"]["rmse"]);
-  auto passed = [](const json &document, const std::string &name) {
+  auto test = [](const json &document, const std::string &name) {
     for (const json &t : document["records"][0]["tests"])
-      if (t["name"] == name) return t["passed"].get<bool>();
+      if (t["name"] == name) return t;
     ADD_FAILURE() << "no test " << name;
-    return false;
+    return json();
   };
-  EXPECT_FALSE(passed(b, "independence of sign(omega)"));
-  EXPECT_TRUE(passed(a, "independence of sign(omega)"));
-  EXPECT_TRUE(passed(a, "independence of |omega|"));
+  const std::string sign = "independence of sign(omega)";
+  EXPECT_FALSE(test(b, sign)["passed"].get<bool>());
+  EXPECT_LT(test(a, sign)["statistic"].get<double>(), 0.3 * test(b, sign)["statistic"].get<double>());   // with the friction in the model
 }
 
 TEST(Series, rows_and_names_are_those_of_the_record) {
