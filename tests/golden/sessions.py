@@ -55,6 +55,8 @@ def write_config(folder, kind, target, socket="control.sock", number_type="f64",
     document["source"].append(tomlkit.item(source))
     for drive in document["drive"]:
         drive["type"] = number_type
+        if kind == "socketcan":  # a player on a shared processor sends late and in bursts
+            drive |= {"paced": True, "gap_s": 0.05, "align_tolerance_s": 0.02}
     if record:
         document["record"] = {"folder": str(record.parent), "file": record.name}
     target.write_text(tomlkit.dumps(document))
