@@ -52,6 +52,8 @@ bool reexamine(Search &search, std::vector<Member> &chosen) {
     if (chosen[m].kept) continue;
     std::vector<Member> others = without(chosen, m);
     std::vector<Option> options = search.offer(others);
+    for (Option &o : options)   // a load beside symmetric friction was weighed against asymmetry when it was chosen
+      if (search.candidates()[std::size_t(o.candidate)].name == "asymmetric_friction" && o.candidate != chosen[m].candidate) o.possible = false;
     Option self = search.refine(chosen[m].candidate, others, chosen[m].shape);
     int best = pick(search, options);
     if (!acceptable(self) && best < 0) {
@@ -194,8 +196,40 @@ Analysis analyse(Equation equation, const driveid_model &model, const Settings &
   a.chosen = kept;
   std::vector<Option> options = a.offered;
   for (int depth = 0; depth < settings.most_effects && !search.cancelled(); ++depth) {
+    if (a.chosen.size() > kept.size())   // after a first effect, what also filters noise must carry a part of the whole to be believed
+      for (Option &o : options) {
+        if (!o.possible) continue;
+        const std::string &name = search.candidates()[std::size_t(o.candidate)].name;
+        const bool filters = name == "compliance" || name == "backlash" || name == "dead_zone" || name == "delay";
+        const double now = o.total / std::max(1e-9, 1 - o.relative), gone = a.before.score.total - o.total;
+        if (filters && now - o.total < 0.1 * gone) o.possible = false;
+      }
+    auto index_of = [&](const char *name) {
+      for (std::size_t c = 0; c < search.candidates().size(); ++c)
+        if (search.candidates()[c].name == name) return int(c);
+      return -1;
+    };
+    const int dry = index_of("coulomb"), load = index_of("constant_load"), asymmetric = index_of("asymmetric_friction");
+    auto has = [&](int c) { return std::any_of(a.chosen.begin(), a.chosen.end(), [&](const Member &m) { return m.candidate == c; }); };
+    if (asymmetric >= 0 && has(dry) && has(load) && search.solve(a.chosen).score.total - options[std::size_t(asymmetric)].total < 0.1 * (a.before.score.total - options[std::size_t(asymmetric)].total))
+      options[std::size_t(asymmetric)].possible = false;
     int best = pick(search, options);
     if (best < 0) break;
+    if (best == asymmetric && dry >= 0 && load >= 0 && !has(dry) && !has(load)) {
+      // A small difference of levels is as well a load beside symmetric friction, which is the commoner machine.
+      std::vector<Member> pair = a.chosen;
+      pair.push_back({dry, {}, false});
+      pair.push_back({load, {}, false});
+      Solution s = search.solve(pair);
+      const double gone = search.solve(a.chosen).score.total - options[std::size_t(best)].total, same = search.solve(a.chosen).score.total - s.score.total;
+      const Eigen::Index last = s.coefficient.size() - 1;
+      if (same > 0.9 * gone && s.coefficient[last - 1] > 0 && std::fabs(s.coefficient[last]) < 0.25 * s.coefficient[last - 1]) {
+        a.chosen = pair;
+        a.steps.push_back(a.chosen);
+        options = search.offer(a.chosen);
+        continue;
+      }
+    }
     a.chosen = search.joined(a.chosen, options[std::size_t(best)].candidate, options[std::size_t(best)].shape);
     search.polish(a.chosen);
     from = to;
