@@ -55,6 +55,9 @@ bool reexamine(Search &search, std::vector<Member> &chosen) {
     for (Option &o : options)   // a load beside symmetric friction was weighed against asymmetry when it was chosen
       if (search.candidates()[std::size_t(o.candidate)].name == "asymmetric_friction" && o.candidate != chosen[m].candidate) o.possible = false;
     Option self = search.refine(chosen[m].candidate, others, chosen[m].shape);
+    const double removed = self.possible ? self.total / std::max(1e-9, 1 - self.relative) - self.total : 0;
+    for (Option &o : options)   // a richer effect takes the place of a simpler one for something that can be seen
+      if (self.possible && o.possible && o.candidate != self.candidate && complexity(search, o) > complexity(search, self) && self.total - o.total < 0.02 * removed) o.possible = false;
     int best = pick(search, options);
     if (!acceptable(self) && best < 0) {
       chosen = others;
