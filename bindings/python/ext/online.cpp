@@ -30,6 +30,13 @@ driveid_real real_of(const std::string &type) {
     throw nb::value_error(("type is \"f64\", \"f32\" or \"q31\", not \"" + type + "\"").c_str());
 }
 
+driveid_hold hold_of(const std::string &hold) {
+    if (hold == "instant") return DRIVEID_HOLD_FIRST;
+    if (hold == "zoh") return DRIVEID_HOLD_ZERO;
+    if (hold == "average") return DRIVEID_HOLD_AVERAGE;
+    throw nb::value_error(("hold is \"instant\", \"zoh\" or \"average\", not \"" + hold + "\"").c_str());
+}
+
 // Storage of one estimator, aligned for any method; copy() of it is a snapshot.
 class Storage {
 public:
@@ -57,7 +64,7 @@ nb::object array(std::vector<T> &&values, std::vector<size_t> shape) {
 class Online {
 public:
     Online(const std::string &model_toml, const std::vector<std::string> &signals, const std::string &method, const std::string &type,
-           const Options &options) {
+           const Options &options, const std::vector<std::pair<std::string, std::string>> &holds) {
         driveid_model model{};
         std::string reason(1024, '\0');
         driveid_status status = driveid_model_read(model_toml.c_str(), &model, reason.data(), reason.size());
@@ -71,6 +78,11 @@ public:
         reason.assign(1024, '\0');
         status = driveid_online_init(&online_, &model, bits, reason.data(), reason.size());
         if (status != DRIVEID_OK) refuse("model on line", status, reason.c_str());
+        for (const auto &[name, hold] : holds) {
+            driveid_signal s;
+            if (driveid_signal_from_name(name.c_str(), &s) != DRIVEID_OK) throw nb::value_error(("no signal is called " + name).c_str());
+            driveid_online_hold(&online_, s, hold_of(hold));  // a signal that the regression does not use has no hold
+        }
         const driveid_real real = real_of(type);
         const size_t size = driveid_estimator_size(method.c_str(), real);
         if (size == 0) throw nb::value_error(("no estimator \"" + method + "\" of type " + type).c_str());
@@ -185,11 +197,12 @@ void bind_online(nb::module_ &m) {
         .def(
             "__init__",
             [](Online *self, const std::string &model_toml, const std::vector<std::string> &signals, const std::string &method,
-               const std::string &type, double dt_s, double bandwidth_rad_s, double forgetting_s, double gap_s, double alarm) {
-                new (self) Online(model_toml, signals, method, type, {dt_s, bandwidth_rad_s, forgetting_s, gap_s, alarm});
+               const std::string &type, double dt_s, double bandwidth_rad_s, double forgetting_s, double gap_s, double alarm,
+               const std::vector<std::pair<std::string, std::string>> &holds) {
+                new (self) Online(model_toml, signals, method, type, {dt_s, bandwidth_rad_s, forgetting_s, gap_s, alarm}, holds);
             },
             nb::arg("model_toml"), nb::arg("signals"), nb::kw_only(), nb::arg("method") = "fsm", nb::arg("type") = "f64", nb::arg("dt_s"),
-            nb::arg("bandwidth_rad_s") = 0.0, nb::arg("forgetting_s") = 0.0, nb::arg("gap_s") = 0.0, nb::arg("alarm") = 0.0)
+            nb::arg("bandwidth_rad_s") = 0.0, nb::arg("forgetting_s") = 0.0, nb::arg("gap_s") = 0.0, nb::arg("alarm") = 0.0, nb::arg("holds") = std::vector<std::pair<std::string, std::string>>())
         .def("__copy__", [](const Online &o) { return new Online(o); })
         .def("__deepcopy__", [](const Online &o, nb::handle) { return new Online(o); }, nb::arg("memo"))
         .def_prop_ro("parameters", &Online::parameters, "Names of the physical parameters.")

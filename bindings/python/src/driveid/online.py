@@ -58,7 +58,8 @@ def replay(model: Model, record: Record, *, method: str = "fsm", type: str = "f6
     return _held(record, *_run(model, record, method, type, dt_s, every, options))
 
 
-def _run(model: Model, record: Record, method: str, type: str, dt_s: float | None, every: int, options: dict) -> tuple[_core.Online, dict]:
+def _run(model: Model, record: Record, method: str, type: str, dt_s: float | None, every: int, options: dict,
+         holds: list[tuple[str, str]] | None = None) -> tuple[_core.Online, dict]:
     for name in options:
         if name not in _OPTIONS:
             raise UsageError(f"no option {name!r}. {close_names(name, ('method', 'type', 'dt_s', 'every', *_OPTIONS))}")
@@ -68,7 +69,7 @@ def _run(model: Model, record: Record, method: str, type: str, dt_s: float | Non
     if dt_s is None:
         dt_s = float(np.median(np.diff(record.t_ns))) * 1e-9
     try:
-        online = _core.Online(model.toml, list(columns), method=method, type=type, dt_s=dt_s, **options)
+        online = _core.Online(model.toml, list(columns), method=method, type=type, dt_s=dt_s, holds=holds or [], **options)
     except ValueError as e:
         raise UsageError(str(e)) from None
     parts = []
@@ -112,7 +113,8 @@ def replay_drec(path: str | os.PathLike, *, drive: str | None = None, model: Mod
         raise FileError(path, "holds no decoded sample of this drive", mend="Record with record_samples = true, or read the frames with --dbc")
     record = Record(path.name, t_ns, columns, path=str(path))
     options = {k: settings[k] for k in ("method", "type", "dt_s", *_OPTIONS) if k in settings} | changes
-    online, raw = _run(model or _model(path, settings), record, options.pop("method", "fsm"), options.pop("type", "f64"), options.pop("dt_s", None), 1, options)
+    online, raw = _run(model or _model(path, settings), record, options.pop("method", "fsm"), options.pop("type", "f64"), options.pop("dt_s", None), 1, options,
+                       [(signal["name"], signal["hold"]) for signal in settings.get("signal", []) if signal.get("hold")])
     told = [e.t_ns for e in of_kind(file.entries, ESTIMATE) if e.source == index]
     keep = np.flatnonzero(np.isin(t_ns, told)) if told else None
     result = _held(record, online, raw, keep)
