@@ -11,6 +11,7 @@ namespace {
 constexpr double kWorthMin = 14;        // log-likelihood beyond cost that an effect must bring
 constexpr double kRelativeMin = 0.003;  // and the share of the squared error
 constexpr double kBlocksT = 2.0;        // and over blocks
+constexpr double kFurtherMin = 0.002;   // of what the accepted effects took: every law is an idealisation to a few per cent (squared here)
 
 bool acceptable(const Option &o) {
   return o.possible && o.worth() > kWorthMin && o.relative > kRelativeMin && o.relative_raw > kRelativeMin && (o.t > kBlocksT || o.improved >= 0.75 || (o.worth() > 60 && o.t > 1.0 && o.improved >= 0.5)) && o.held_gain > 0;
@@ -199,13 +200,13 @@ Analysis analyse(Equation equation, const driveid_model &model, const Settings &
   a.chosen = kept;
   std::vector<Option> options = a.offered;
   for (int depth = 0; depth < settings.most_effects && !search.cancelled(); ++depth) {
-    if (a.chosen.size() > kept.size())   // after a first effect, what also filters noise must carry a part of the whole to be believed
+    if (a.chosen.size() > kept.size())   // after a first effect, a further one must carry a part of the whole to be believed; more where it also filters noise
       for (Option &o : options) {
         if (!o.possible) continue;
         const std::string &name = search.candidates()[std::size_t(o.candidate)].name;
         const bool filters = name == "compliance" || name == "backlash" || name == "dead_zone" || name == "delay";
         const double now = o.total / std::max(1e-9, 1 - o.relative), gone = a.before.score.total - o.total;
-        if (filters && now - o.total < 0.1 * gone) o.possible = false;
+        if (now - o.total < (filters ? 0.1 : kFurtherMin) * gone) o.possible = false;
       }
     auto index_of = [&](const char *name) {
       for (std::size_t c = 0; c < search.candidates().size(); ++c)

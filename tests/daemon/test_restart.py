@@ -197,7 +197,9 @@ def test_full_and_read_only_disk(gateway):
                       + '[[sink]]\nname = "rec"\nkind = "record"\nfile = "run.drec"\n')
         axis = Axis()
         start = time.monotonic_ns() - 30_000_000_000
-        gateway.feed(axis, 8000, start)
+        for part in range(40):  # in parts, so that the record's bounded queue reaches the disk
+            gateway.feed(axis, 200, start)
+            gateway.settle(200 * (part + 1))
         status = gateway.until(lambda s: s["sinks"][0]["state"] == "error" and s["sinks"][0]["dropped"] > 0, 20)
         assert "space" in status["sinks"][0]["last_error"]
         assert near_truth(gateway.settle(8000)), "identification goes on"
