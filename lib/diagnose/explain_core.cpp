@@ -11,6 +11,7 @@ namespace {
 constexpr double kWorthMin = 14;        // log-likelihood beyond cost that an effect must bring
 constexpr double kRelativeMin = 0.003;  // and the share of the squared error
 constexpr double kBlocksT = 2.0;        // and over blocks
+constexpr double kNearlyAll = 0.01;     // what a simpler law may leave of what the best one takes
 constexpr double kFurtherMin = 0.002;   // of what the accepted effects took: every law is an idealisation to a few per cent (squared here)
 
 bool acceptable(const Option &o) {
@@ -35,6 +36,13 @@ int pick(const Search &s, const std::vector<Option> &options) {
     if (!acceptable(options[k]) || options[k].worth() < top.worth() - tolerance) continue;
     int a = complexity(s, options[k]), b = complexity(s, options[std::size_t(chosen)]);
     if (a < b || (a == b && options[k].worth() > options[std::size_t(chosen)].worth())) chosen = int(k);
+  }
+  // On a quiet record the likelihood sees any idealisation: a simpler law that takes nearly all of what the best takes comes first,
+  // and the richer one may replace it later for what it still takes.
+  for (std::size_t k = 0; k < options.size(); ++k) {
+    if (!acceptable(options[k]) || complexity(s, options[k]) >= complexity(s, options[std::size_t(chosen)])) continue;
+    const double taken = top.total / std::max(1e-9, 1 - top.relative) - top.total;
+    if (options[k].total - top.total < kNearlyAll * taken) chosen = int(k);
   }
   return chosen;
 }
