@@ -26,8 +26,7 @@ RecordWriter::~RecordWriter() { finish(); }
 void RecordWriter::finish() {
     if (!thread_.joinable()) return;
     stop_ = true;
-    const uint64_t one = 1;
-    if (::write(wake_.get(), &one, sizeof one) < 0) { /* the thread wakes by itself within kRestMs */ }
+    wake();
     thread_.join();
 }
 
@@ -37,7 +36,14 @@ bool RecordWriter::write(const EntryHeader& header, const void* payload) {
     drec_encode(header, payload, head);
     if (!ring_.push(head, sizeof head, payload, header.payload_len)) return ++dropped_, false;
     ++entries_;
+    // A burst must not wait for the thread's rest; a disk that fails is left to its retry.
+    if (crowded() && !error_.load(std::memory_order_relaxed) && !woken_.exchange(true)) wake();
     return true;
+}
+
+void RecordWriter::wake() {
+    const uint64_t one = 1;
+    if (::write(wake_.get(), &one, sizeof one) < 0) { /* the thread wakes by itself within kRestMs */ }
 }
 
 bool RecordWriter::open() {
@@ -86,6 +92,9 @@ void RecordWriter::work() {
     while (!stop_) {
         pollfd p{wake_.get(), POLLIN, 0};
         poll(&p, 1, error_ ? kRetryMs : kRestMs);
+        uint64_t count;
+        if (::read(wake_.get(), &count, sizeof count) < 0) { /* nobody woke it */ }
+        woken_ = false;
         drain();
     }
     drain();

@@ -32,6 +32,7 @@ public:
 
 private:
     void work();
+    void wake();
     void drain();
     bool open();
     bool put(const char* data, size_t size);
@@ -42,7 +43,7 @@ private:
     uint64_t entries_ = 0, dropped_ = 0;
     std::atomic<uint64_t> bytes_{0};
     std::atomic<int> error_{0};
-    std::atomic<bool> full_{false}, stop_{false};
+    std::atomic<bool> full_{false}, stop_{false}, woken_{false};
     Fd file_, wake_;
     std::thread thread_;
 };
