@@ -9,6 +9,8 @@
 
 #include <toml++/toml.h>
 
+#include <driveid/model_file.h>
+
 #include "config/keys.hpp"
 
 namespace gw {
@@ -345,6 +347,10 @@ ConfigResult config_read_text(const std::string& text, const std::string& path) 
     }
     if (const int line = bad_header_line(text); line > 0) {
         reader.error(line, "TOML", "a table header begins with its name; write [name] or [[name]]");
+        return result;
+    }
+    if (const int line = driveid_toml_foreign_line(text.data(), text.size()); line > 0) {
+        reader.error(line, "TOML", "a character beyond ASCII outside quotes and comments; quote it or take it out");
         return result;
     }
     try {

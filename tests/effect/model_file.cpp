@@ -158,3 +158,12 @@ TEST(ModelFile, mutations_of_a_file_never_break_the_reader) {
     ASSERT_TRUE(s == DRIVEID_OK || (s == DRIVEID_ERR_FORMAT && message[0]));
   }
 }
+
+TEST(ModelFile, ForeignCharactersOutsideQuotesAreFound) {
+  const auto line = [](const std::string &text) { return driveid_toml_foreign_line(text.data(), text.size()); };
+  EXPECT_EQ(line("format = 1\n[cont\xcb\x90]\n"), 2);
+  EXPECT_EQ(line("a = \"\xc3\xa4\" # \xc3\xa4\nb = '''\n\xc3\xa4 \" '''\nc = \"\"\"\\\" \xc3\xa4\"\"\"\n"), 0);
+  EXPECT_EQ(line("\xEF\xBB\xBF" "a = 1\nb = \"open \xc3\xa4\n\xc3\xa4 = 2"), 3);
+  EXPECT_EQ(line(""), 0);
+  EXPECT_EQ(line("a = 'x' \xc2\xb0"), 1);
+}
