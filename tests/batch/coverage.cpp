@@ -63,12 +63,12 @@ bool full() { return std::getenv("DRIVEID_FULL") != nullptr; }
 }  // namespace
 
 TEST(Fit, intervals_cover_with_white_angle_noise) {
-  if (!full()) GTEST_SKIP() << "SKIPPED BECAUSE 200 fits take minutes; set DRIVEID_FULL=1";
+  if (!full()) GTEST_SKIP() << "SKIPPED BECAUSE 200 fits take minutes and the coverage of fit is still below 93 to 97 %: open work; DRIVEID_FULL=1 shows it";
   coverage({}, kRuns, "angle noise");
 }
 
 TEST(Fit, intervals_cover_with_noise_on_the_current_reading) {
-  if (!full()) GTEST_SKIP() << "SKIPPED BECAUSE 200 fits take minutes; set DRIVEID_FULL=1";
+  if (!full()) GTEST_SKIP() << "SKIPPED BECAUSE 200 fits take minutes and the coverage of fit is still below 93 to 97 %: open work; DRIVEID_FULL=1 shows it";
   records::Drive d;
   d.reading_noise = 0.02;
   coverage(d, kRuns, "angle and current noise");
