@@ -7,7 +7,7 @@
 #include <fstream>
 #include <sstream>
 
-#include <toml++/toml.h>
+#include <tomlpp.hpp>
 
 #include <driveid/model_file.h>
 
@@ -347,10 +347,6 @@ ConfigResult config_read_text(const std::string& text, const std::string& path) 
     }
     if (const int line = bad_header_line(text); line > 0) {
         reader.error(line, "TOML", "a table header begins with its name; write [name] or [[name]]");
-        return result;
-    }
-    if (const int line = driveid_toml_foreign_line(text.data(), text.size()); line > 0) {
-        reader.error(line, "TOML", "a character beyond ASCII outside quotes and comments; quote it or take it out");
         return result;
     }
     try {

@@ -159,11 +159,12 @@ TEST(ModelFile, mutations_of_a_file_never_break_the_reader) {
   }
 }
 
-TEST(ModelFile, ForeignCharactersOutsideQuotesAreFound) {
-  const auto line = [](const std::string &text) { return driveid_toml_foreign_line(text.data(), text.size()); };
-  EXPECT_EQ(line("format = 1\n[cont\xcb\x90]\n"), 2);
-  EXPECT_EQ(line("a = \"\xc3\xa4\" # \xc3\xa4\nb = '''\n\xc3\xa4 \" '''\nc = \"\"\"\\\" \xc3\xa4\"\"\"\n"), 0);
-  EXPECT_EQ(line("\xEF\xBB\xBF" "a = 1\nb = \"open \xc3\xa4\n\xc3\xa4 = 2"), 3);
-  EXPECT_EQ(line(""), 0);
-  EXPECT_EQ(line("a = 'x' \xc2\xb0"), 1);
+// Letters that toml++ 3.3 has no defined answer for (cmake/include/tomlpp.hpp), where it looks for a blank.
+TEST(ModelFile, LettersBeyondAsciiAreRefusedWithTheirLine) {
+  driveid_model out;
+  char message[300];
+  for (const char *text : {"format = 1\n[cont\xcb\x90]\n", "format = 1\n\xc3\xa4 = 2\n", "format = 1\na =0\"x\xd1\x8c\x1d\n"}) {
+    EXPECT_EQ(driveid_model_read(text, &out, message, sizeof message), DRIVEID_ERR_FORMAT);
+    EXPECT_TRUE(std::string(message).starts_with("line 2: ")) << message;
+  }
 }

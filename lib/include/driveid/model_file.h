@@ -45,10 +45,6 @@ driveid_status driveid_model_history(const char *text, char **history, char *mes
 
 void driveid_text_free(char *text);
 
-/* First line of a TOML text with a character beyond ASCII outside quotes and comments, 0 where there is none. Bare keys are ASCII; toml++ 3.3
- * does not survive others in every build, so readers ask this first. */
-int driveid_toml_foreign_line(const char *text, size_t size);
-
 #ifdef __cplusplus
 }
 #endif

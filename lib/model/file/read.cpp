@@ -10,7 +10,7 @@
 #include <vector>
 
 #define TOML_ASSERT(expression) static_cast<void>(0)  // hostile text is an error, never an abort
-#include <toml++/toml.h>
+#include <tomlpp.hpp>
 
 #include <driveid/effect.h>
 #include <driveid/model_file.h>
@@ -205,8 +205,6 @@ driveid_model read_model(const toml::table &root) {
 }
 
 toml::table parse(const char *text) {
-  if (const int line = driveid_toml_foreign_line(text, std::strlen(text)))
-    throw Complaint{DRIVEID_ERR_FORMAT, "line " + std::to_string(line) + ": a character beyond ASCII outside quotes and comments; quote it or take it out"};
   try { // with exceptions, as the daemon uses it: toml++ in both modes does not share one program
     return toml::parse(std::string_view(text));
   } catch (const toml::parse_error &error) {
