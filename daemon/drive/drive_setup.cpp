@@ -108,7 +108,7 @@ void Drive::make_estimator(uint32_t present) {
     if (online_.present & ~present) throw std::runtime_error("a signal that the structure needs is not configured");
     const driveid_real type = config_.type == "f32" ? DRIVEID_F32 : config_.type == "q31" ? DRIVEID_Q31 : DRIVEID_F64;
     const size_t size = driveid_estimator_size(config_.method.c_str(), type);
-    if (size == 0) throw std::runtime_error("method \"" + config_.method + "\" does not exist in type " + config_.type + "; use method \"fsm\" with f64 or f32");
+    if (size == 0) throw std::runtime_error("method \"" + config_.method + "\" does not exist in type " + config_.type + ": " + DRIVEID_ESTIMATOR_METHODS);
     estimator_.assign((size + sizeof(std::max_align_t) - 1) / sizeof(std::max_align_t), {});
     driveid_estimator_options options{};
     options.dt_s = config_.dt_s;

@@ -5,28 +5,65 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "adm.h"
 #include "fsm_state.h"
+#include "kernel.h"
+#include "recursive.h"
 
 struct driveid_estimator {
-    uint32_t type;
+    uint32_t row; /* of the table below */
     union {
-        driveid_svf_common common; /* first member of both */
-        fsm_f64 f64;
-        fsm_f32 f32;
-    } fsm;
+        driveid_svf_common common; /* first member of each state */
+        learner learner;
+        fsm_f64 fsm64;
+        fsm_f32 fsm32;
+        recursive_f64 recursive64;
+        recursive_f32 recursive32;
+        kernel_f64 kernel64;
+        kernel_f32 kernel32;
+        adm_f64 adm64;
+        adm_f32 adm32;
+    } state;
 };
 
 _Static_assert(sizeof(driveid_estimator) <= DRIVEID_ESTIMATOR_BYTES, "DRIVEID_ESTIMATOR_BYTES is too small");
+
+/* learn NULL: frequency shifting. */
+static const struct {
+    const char *method;
+    driveid_real type;
+    size_t bytes;
+    const learn_method *learn;
+} table[] = {
+    {"fsm", DRIVEID_F64, sizeof(fsm_f64), NULL},
+    {"fsm", DRIVEID_F32, sizeof(fsm_f32), NULL},
+    {"rls", DRIVEID_F64, sizeof(recursive_f64), &rls_method_f64},
+    {"rls", DRIVEID_F32, sizeof(recursive_f32), &rls_method_f32},
+    {"kalman", DRIVEID_F64, sizeof(recursive_f64), &kalman_method_f64},
+    {"kalman", DRIVEID_F32, sizeof(recursive_f32), &kalman_method_f32},
+    {"window", DRIVEID_F64, sizeof(kernel_f64), &window_method_f64},
+    {"window", DRIVEID_F32, sizeof(kernel_f32), &window_method_f32},
+    {"discrete", DRIVEID_F64, sizeof(kernel_f64), &discrete_method_f64},
+    {"discrete", DRIVEID_F32, sizeof(kernel_f32), &discrete_method_f32},
+    {"adm", DRIVEID_F64, sizeof(adm_f64), &adm_method_f64},
+    {"adm", DRIVEID_F32, sizeof(adm_f32), &adm_method_f32},
+};
+enum { ROWS = sizeof table / sizeof table[0] };
 
 static driveid_status refuse(char *reason, size_t size, const char *text, driveid_status status) {
     if (reason && size) snprintf(reason, size, "%s", text);
     return status;
 }
 
+static int find(const char *method, driveid_real type) {
+    for (int i = 0; i < ROWS && method; i++)
+        if (strcmp(method, table[i].method) == 0 && table[i].type == type) return i;
+    return -1;
+}
+
 size_t driveid_estimator_size(const char *method, driveid_real type) {
-    if (!method || strcmp(method, "fsm") != 0) return 0;
-    const size_t head = offsetof(driveid_estimator, fsm);
-    return type == DRIVEID_F64 ? head + sizeof(fsm_f64) : type == DRIVEID_F32 ? head + sizeof(fsm_f32) : 0;
+    const int row = find(method, type);
+    return row < 0 ? 0 : offsetof(driveid_estimator, state) + table[row].bytes;
 }
 
 driveid_status driveid_estimator_configure(driveid_estimator *self, size_t size, const char *method, driveid_real type,
@@ -35,23 +72,26 @@ driveid_status driveid_estimator_configure(driveid_estimator *self, size_t size,
     if (reason && reason_size) reason[0] = 0;
     if (!self || !regression || !options || !method)
         return refuse(reason, reason_size, "null argument", DRIVEID_ERR_ARGUMENT);
-    const size_t needed = driveid_estimator_size(method, type);
-    if (!needed) return refuse(reason, reason_size, "this method does not exist in this number type: take \"fsm\" with f64 or f32", DRIVEID_ERR_CONFIG);
-    if (size < needed) return refuse(reason, reason_size, "storage is smaller than driveid_estimator_size()", DRIVEID_ERR_CAPACITY);
-    self->type = (uint32_t)type;
-    return type == DRIVEID_F64 ? driveid_svf_configure_f64(&self->fsm.f64, regression, options, reason, reason_size)
-                               : driveid_svf_configure_f32(&self->fsm.f32, regression, options, reason, reason_size);
+    const int row = find(method, type);
+    if (row < 0) return refuse(reason, reason_size, "this method does not exist in this number type: " DRIVEID_ESTIMATOR_METHODS, DRIVEID_ERR_CONFIG);
+    if (size < driveid_estimator_size(method, type)) return refuse(reason, reason_size, "storage is smaller than driveid_estimator_size()", DRIVEID_ERR_CAPACITY);
+    self->row = (uint32_t)row;
+    if (table[row].learn) return learn_configure(&self->state.learner, table[row].learn, regression, options, reason, reason_size);
+    return type == DRIVEID_F64 ? driveid_svf_configure_f64(&self->state.fsm64, regression, options, reason, reason_size)
+                               : driveid_svf_configure_f32(&self->state.fsm32, regression, options, reason, reason_size);
 }
 
 driveid_status driveid_estimator_update(driveid_estimator *self, int64_t t_ns, const double *channel) {
     if (!self || !channel) return DRIVEID_ERR_ARGUMENT;
-    return self->type == DRIVEID_F64 ? driveid_svf_update_f64(&self->fsm.f64, t_ns, channel)
-                                     : driveid_svf_update_f32(&self->fsm.f32, t_ns, channel);
+    const learn_method *learn = table[self->row].learn;
+    if (learn) return learn_update(&self->state.learner, learn, t_ns, channel);
+    return table[self->row].type == DRIVEID_F64 ? driveid_svf_update_f64(&self->state.fsm64, t_ns, channel)
+                                                : driveid_svf_update_f32(&self->state.fsm32, t_ns, channel);
 }
 
 driveid_status driveid_estimator_estimate(const driveid_estimator *self, driveid_estimate *out) {
     if (!self || !out) return DRIVEID_ERR_ARGUMENT;
-    const driveid_svf_common *common = &self->fsm.common;
+    const driveid_svf_common *common = &self->state.common;
     const int have = common->status == DRIVEID_OK || common->status == DRIVEID_WEAK_EXCITATION || common->status == DRIVEID_RANK;
     if (have) *out = common->answer;
     return have && common->resting ? DRIVEID_FROZEN : common->status;
@@ -59,6 +99,8 @@ driveid_status driveid_estimator_estimate(const driveid_estimator *self, driveid
 
 void driveid_estimator_restart(driveid_estimator *self) {
     if (!self) return;
-    if (self->type == DRIVEID_F64) driveid_svf_restart_f64(&self->fsm.f64);
-    else driveid_svf_restart_f32(&self->fsm.f32);
+    const learn_method *learn = table[self->row].learn;
+    if (learn) learn_restart(&self->state.learner, learn);
+    else if (table[self->row].type == DRIVEID_F64) driveid_svf_restart_f64(&self->state.fsm64);
+    else driveid_svf_restart_f32(&self->state.fsm32);
 }

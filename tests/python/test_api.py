@@ -135,7 +135,7 @@ class TestOnline:
         assert valid.any() and np.array_equal(valid, whole.valid) and np.array_equal(value[valid], whole.value[whole.valid])
 
     def test_refusals(self):
-        with pytest.raises(driveid.UsageError, match="no estimator"):
+        with pytest.raises(driveid.UsageError, match="choose"):
             online.replay(self.model, record(), method="magic")
         with pytest.raises(driveid.UsageError, match="Did you mean 'gap_s'"):
             online.replay(self.model, record(), gaps_s=3)

@@ -85,7 +85,7 @@ public:
         }
         const driveid_real real = real_of(type);
         const size_t size = driveid_estimator_size(method.c_str(), real);
-        if (size == 0) throw nb::value_error(("no estimator \"" + method + "\" of type " + type).c_str());
+        if (size == 0) throw nb::value_error(("method \"" + method + "\", type " + type + ": " DRIVEID_ESTIMATOR_METHODS).c_str());
         storage_ = std::make_unique<Storage>(size);
         driveid_estimator_options o{};
         o.dt_s = options.dt_s;

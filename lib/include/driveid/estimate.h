@@ -7,6 +7,8 @@
  * Method    "fsm": frequency shifting in its economical form, docs/theory/frequency-shifting.md: filter bank with exact holds, prefilters of which
  *           each equation takes the best, scaled solve with rank, the highest derivative solved for through instruments [EQ FSM-39]; forgetting,
  *           rest, gaps, residual alarm with restart [LONG-RUN]. Its full form, with c from time zero, is fsm.h.
+ *           "rls", "kalman": baselines on the same filters: recursive least squares with directional forgetting in square-root form; a random walk
+ *           of the parameters in Joseph's form. Both are biased by noise of the differentiated channel; the bound is in their interval.
  * Parameters  SI. options.dt_s is needed, all others may be zero.
  * Returns   update: the status of the answer after this sample, or
  *             DRIVEID_NOT_YET   too little since start or alarm        DRIVEID_FROZEN     the drive rests: theta held, nothing learnt
@@ -74,7 +76,9 @@ typedef struct driveid_estimator driveid_estimator;
 /* Bytes needed for (method, type); 0 where that pair does not exist. */
 size_t driveid_estimator_size(const char *method, driveid_real type);
 
-/* method: "fsm" (others as they come). DRIVEID_ERR_CONFIG with a sentence in reason[reason_size] where it is refused. */
+#define DRIVEID_ESTIMATOR_METHODS "choose fsm, window, discrete, rls, kalman or adm, each in f64 or f32"
+
+/* method: see Method above. DRIVEID_ERR_CONFIG with a sentence in reason[reason_size] where it is refused. */
 driveid_status driveid_estimator_configure(driveid_estimator *self, size_t size, const char *method, driveid_real type,
                                            const driveid_regression *regression,
                                            const driveid_estimator_options *options, char *reason, size_t reason_size);
