@@ -26,7 +26,7 @@ ROOMS = {
 # public header -> room it belongs to
 HEADERS = {
     "status": "base", "time": "base", "sample": "base", "version": "base", "regression": "base", "filter": "base", "fixed": "base",
-    "filter": "base", "effect": "effect", "model": "model", "simulate": "model", "model_file": "model file", "batch": "batch", "modal": "batch", "lti": "batch",
+    "filter": "base", "effect": "effect", "model": "model", "simulate": "model", "model_file": "model file", "batch": "batch", "modal": "batch", "lti": "batch", "control": "batch",
     "diagnose": "diagnose", "fsm": "estimate", "discrete": "estimate", "monitor": "estimate", "estimate": "estimate",
 }
 # ARCHITECTURE.md: driveid_estimate is plain data that model maps to physical parameters; its page is included by both.
