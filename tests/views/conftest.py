@@ -18,6 +18,8 @@ sys.path.insert(0, str(Path(__file__).parent))
 os.environ.setdefault("XDG_STATE_HOME", tempfile.mkdtemp(prefix="driveid-state-"))
 
 TOKEN = "token-of-the-tests"
+SHOTS = os.environ.get("DRIVEID_SCREENSHOTS")
+LOOKS = [(scheme, size) for scheme in ("light", "dark") for size in ((1280, 720), (1024, 768))]  # desktop and tablet
 
 
 class Server:
@@ -151,3 +153,9 @@ class Screen:
 
     def close(self) -> None:
         self.context.close()
+
+
+def shot(screen: Screen, name: str, folder: Path) -> None:
+    """Kept where DRIVEID_SCREENSHOTS points, else only made."""
+    picture = screen.page.screenshot(path=str(Path(SHOTS or folder) / f"{name}.png"))
+    assert len(picture) > 8000, "the picture is empty"

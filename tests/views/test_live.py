@@ -8,7 +8,7 @@ import subprocess
 import time
 
 import pytest
-from conftest import Screen, Server, run_async, wait_for
+from conftest import LOOKS, Screen, Server, run_async, shot, wait_for
 from driveid.views.workbench.projects import bundled_example
 
 
@@ -64,7 +64,7 @@ def server(gateway, tmp_path_factory):
     server.stop()
 
 
-def test_live_page_streams_records_marks_and_survives_a_dead_daemon(chromium, server, gateway, tmp_path):
+def test_live_page_streams_records_marks_and_survives_a_dead_daemon(chromium, server, gateway):
     screen = Screen(chromium, server)
     screen.page.goto(f"{server.base}/live")
     screen.until("document.body.dataset.gateway === 'up' && document.querySelectorAll('.uplot').length >= 2", 30)
@@ -73,7 +73,6 @@ def test_live_page_streams_records_marks_and_survives_a_dead_daemon(chromium, se
     screen.page.wait_for_timeout(3000)
     assert screen.page.evaluate("window.driveidRedraws") > drawn + 20, "the plots do not move"
     assert "J" in screen.page.inner_text(".live table") and "±" in screen.page.inner_text(".live table")
-    screen.page.screenshot(path=str(tmp_path / "live.png"))
     screen.page.get_by_text("Record", exact=False).first.click()
     screen.until("document.body.textContent.includes('Stop recording')", 10)
     screen.page.on("dialog", lambda d: d.accept("half way"))
@@ -91,10 +90,13 @@ def test_live_page_streams_records_marks_and_survives_a_dead_daemon(chromium, se
     screen.close()
 
 
-def test_live_page_in_the_dark_on_a_tablet(chromium, server):
-    screen = Screen(chromium, server, 1024, 768, "dark")
+@pytest.mark.parametrize(("scheme", "size"), LOOKS)
+def test_live_page_at_two_sizes_light_and_dark(chromium, server, tmp_path, scheme, size):
+    screen = Screen(chromium, server, *size, scheme)
     screen.page.goto(f"{server.base}/live")
     screen.until("document.body.dataset.gateway === 'up' && document.querySelectorAll('.uplot').length >= 2", 30)
+    screen.until("document.querySelector('.live table')?.textContent.includes('±')", 30)
+    shot(screen, f"live-{scheme}-{size[0]}", tmp_path)
     assert screen.page.evaluate("document.documentElement.scrollWidth - innerWidth") <= 0
     assert screen.complaints == []
     screen.close()

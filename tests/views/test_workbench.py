@@ -1,14 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The five pages in Debian's Chromium, with the bundled example and the library's own answers."""
 
-import os
-from pathlib import Path
-
 import pytest
-from conftest import Screen, Server
+from conftest import LOOKS, Screen, Server, shot
 from driveid.views.workbench.projects import bundled_example
 
-SHOTS = os.environ.get("DRIVEID_SCREENSHOTS")
 READY = {
     "compare": "document.querySelectorAll('.uplot').length >= 2 && document.querySelectorAll('table').length >= 1",
     "where": "document.querySelectorAll('.clouds canvas').length >= 5 && document.querySelectorAll('.bars .track, .where .card > div > p.soft').length >= 1",
@@ -33,20 +29,14 @@ def screen(chromium, server):
     assert complaints == []
 
 
-def shot(screen: Screen, name: str, folder: Path) -> None:
-    """Kept where DRIVEID_SCREENSHOTS points, else only made."""
-    picture = screen.page.screenshot(path=str(Path(SHOTS or folder) / f"{name}.png"))
-    assert len(picture) > 8000, "the picture is empty"
-
-
 @pytest.mark.parametrize("page", list(READY))
-@pytest.mark.parametrize(("scheme", "size"), [("light", (1280, 720)), ("dark", (1024, 768))])
+@pytest.mark.parametrize(("scheme", "size"), LOOKS)
 def test_page_shows_real_data_at_two_sizes_light_and_dark(chromium, server, tmp_path, page, scheme, size):
     screen = Screen(chromium, server, *size, scheme)
     screen.go(page, add="" if page == "missing" else "coulomb")
     screen.until(READY[page], 120)
     screen.page.wait_for_timeout(300)
-    shot(screen, f"{page}-{scheme}", tmp_path)
+    shot(screen, f"{page}-{scheme}-{size[0]}", tmp_path)
     wide = screen.page.evaluate("document.documentElement.scrollWidth - innerWidth")
     assert wide <= 0, "the page is wider than the screen"
     assert screen.complaints == []

@@ -59,7 +59,7 @@ def _load(path: Path, dbc: list[Path], maps: dict[str, Source], drive: str | Non
         raise FileError(path, "does not begin with DRVIDREC", mend="It is no record of the gateway, or its head was overwritten")
     if suffix in (".parquet", ".pq") or blob[:4] == b"PAR1":
         from .parquet import read_parquet
-        return read_parquet(path, digest)
+        return read_parquet(path, blob, digest)
     if suffix in CAN_LOGS:
         from .canlog import read_frames
         from .dbc import table_from_frames

@@ -12,14 +12,14 @@ from ..units import split_header
 from .table import RawColumn, RawTable, to_ns
 
 
-def read_parquet(path: Path, digest: str) -> RawTable:
+def read_parquet(path: Path, blob: bytes, digest: str) -> RawTable:
     try:
         import pyarrow
         import pyarrow.parquet
     except ImportError:
         raise FileError(path, "needs pyarrow", mend="pip install 'driveid[parquet]'") from None
     try:
-        table = pyarrow.parquet.read_table(path)
+        table = pyarrow.parquet.read_table(pyarrow.BufferReader(blob))
     except (pyarrow.ArrowException, OSError) as e:
         raise FileError(path, f"is not a readable Parquet file ({e})") from None
     columns = [_column(path, field.name, field.metadata, table.column(k)) for k, field in enumerate(table.schema)]
@@ -37,9 +37,10 @@ def _column(path: Path, header: str, metadata, data) -> RawColumn:
     def load() -> np.ndarray:
         if not (pyarrow.types.is_integer(kind) or pyarrow.types.is_floating(kind) or pyarrow.types.is_boolean(kind) or pyarrow.types.is_decimal(kind)):
             raise FileError(path, f"holds {kind}, not numbers", column=header)
-        values = data.cast(pyarrow.float64()) if not pyarrow.types.is_boolean(kind) else data.cast(pyarrow.int8()).cast(pyarrow.float64())
-        out = values.to_numpy(zero_copy_only=False).astype(np.float64)
-        return np.where(np.isfinite(out), out, np.nan)
+        values = data.cast(pyarrow.int8()) if pyarrow.types.is_boolean(kind) else data
+        values = values if values.type == pyarrow.float64() else values.cast(pyarrow.float64())
+        out = np.asarray(values.to_numpy(), dtype=np.float64)
+        return out if np.isfinite(out).all() else np.where(np.isfinite(out), out, np.nan)
 
     def load_ns(factor: float) -> np.ndarray:
         if pyarrow.types.is_timestamp(kind) or pyarrow.types.is_duration(kind):

@@ -179,9 +179,12 @@ def _stamps(column: RawColumn, unit: str) -> np.ndarray:
 
 def to_ns(values: np.ndarray, factor: float) -> np.ndarray:
     """Float times to int64 ns; a time that is missing becomes the smallest int64."""
+    ns = np.rint(values * (factor * 1e9))
+    good = np.abs(ns) < 9.2e18  # false for NaN too
+    if good.all():
+        return ns.astype(np.int64)
     out = np.full(len(values), np.iinfo(np.int64).min, dtype=np.int64)
-    good = np.isfinite(values) & (np.abs(values) * factor < 9.2e9)
-    out[good] = np.rint(values[good] * (factor * 1e9)).astype(np.int64)
+    out[good] = ns[good].astype(np.int64)
     return out
 
 

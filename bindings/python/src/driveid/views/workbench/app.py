@@ -7,7 +7,7 @@ import asyncio
 import contextlib
 import json
 from collections.abc import Callable
-from importlib import resources
+from importlib import import_module, resources
 from pathlib import Path
 
 from starlette.applications import Starlette
@@ -159,6 +159,8 @@ class Workbench:
 
     @contextlib.asynccontextmanager
     async def _lifespan(self, app: Starlette):
+        with contextlib.suppress(ImportError):  # loaded before the first record is opened, which then need not wait for it
+            await asyncio.to_thread(import_module, "pyarrow.parquet")
         yield
         await self.live.stop()
         self.engine.jobs.close()

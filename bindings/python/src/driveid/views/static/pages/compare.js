@@ -9,6 +9,8 @@ import { seconds } from "../units.js";
 
 const MODEL = [{ colour: "model0", width: 1.6 }, { colour: "model1", width: 1.6, dash: [6, 3] }, { colour: "model2", width: 1.6, dash: [2, 3] }, { colour: "model3", width: 1.6, dash: [8, 3] }];
 
+const MODEL_LATE_MS = 700;
+
 /** Prefixes of the chain that are drawn: "" is the first model, "coulomb" the next. The newest one if the address names none. */
 function chosenModels(project) {
   const chain = project.chain.map((c) => c.name);
@@ -108,9 +110,7 @@ export function mount(place, { project, signal: abort }) {
   const records = state.get("r", "0").split("+").map(Number).filter((k) => k < project.records.length);
   const { models, on } = chosenModels(project);
 
-  function show(pairs) {
-    const wanted = state.get("s");
-    const signal = wanted === "signals" ? "signals" : pairs.find((p) => p.name === wanted)?.name ?? pairs[0]?.name ?? "signals";
+  function choices(pairs, signal) {
     const pick = el("select", { "aria-label": "what is drawn", onchange: (e) => state.go({ s: e.target.value }) },
       ...pairs.map((p) => el("option", { value: p.name, selected: p.name === signal }, p.title)), el("option", { value: "signals", selected: signal === "signals" }, "all measured signals"));
     const chips = project.records.map((r, k) => el("button.chip", { "aria-pressed": String(records.length === 1 && records[0] === k), onclick: () => state.go({ r: k, t: null }) }, `${r.name} (${r.role})`));
@@ -120,23 +120,36 @@ export function mount(place, { project, signal: abort }) {
       return el("button.chip", { "aria-pressed": String(k >= 0), onclick: () => state.go({ models: (k >= 0 ? (rest.length ? rest : [m.key]) : [...rest, m.key]).join(",") }) }, k >= 0 ? el(`span.swatch.k${k}`) : null, m.title);
     });
     bar.replaceChildren(...chips, el("span.space"), ...toggles, pick);
+  }
+
+  function draw(signal) {
     views.splice(0).forEach((v) => v.destroy());
     views.push(...(records.length ? records : [0]).map((r) => new View(project, r, signal, on, abort)));
     plots.className = views.length > 1 ? "halves" : "";
     plots.replaceChildren(...views.map((v) => v.box));
-    views.forEach((v) => v.load().catch((e) => e.name === "AbortError" || v.box.replaceChildren(trouble(e))));
+    return Promise.all(views.map((v) => v.load().catch((e) => e.name === "AbortError" || v.box.replaceChildren(trouble(e)))));
   }
 
-  if (state.get("s") === "signals") show([]);
-  else plots.replaceChildren(el("div"));
+  // The measured signals need no model. They come at once where they are asked for (the fit gets the processors afterwards),
+  // and where the model takes its time.
+  const wanted = state.get("s");
+  let shown = null;
+  const signals = () => { shown = "signals"; choices([], shown); return draw(shown); };
+  const first = wanted === "signals" ? signals() : null;
+  const late = first ? 0 : setTimeout(() => shown || abort.aborted || signals(), MODEL_LATE_MS);
   into(table, abort, "comparing", async (options) => {
-    const answer = await api.json("compare", { ...base, r: records[0] ?? 0 }, options);
-    if (!abort.aborted) show(answer.pairs);
+    await first;
+    let answer;
+    try { answer = await api.json("compare", { ...base, r: records[0] ?? 0 }, options); } finally { clearTimeout(late); }
+    if (abort.aborted) return null;
+    const signal = first ? "signals" : answer.pairs.find((p) => p.name === wanted)?.name ?? answer.pairs[0]?.name ?? "signals";
+    choices(answer.pairs, signal);
+    if (signal !== shown) draw(signal);
     const notes = answer.notices.map((n) => `<li>${n.replaceAll("<", "&lt;")}</li>`).join("");
     return el("div", { html: `<h2>Errors of “${answer.model}”</h2>${answer.errors}${notes ? `<ul class="notices">${notes}</ul>` : ""}${answer.tests ? `<details><summary>Tests of the residual</summary>${answer.tests}</details>` : ""}` });
   });
   return {
     keys(event) { const v = views.find((x) => x.box.contains(document.activeElement)) || views[0]; v?.keys(event); },
-    destroy() { views.forEach((v) => v.destroy()); },
+    destroy() { clearTimeout(late); views.forEach((v) => v.destroy()); },
   };
 }
