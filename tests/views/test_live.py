@@ -102,6 +102,18 @@ def test_live_page_at_two_sizes_light_and_dark(chromium, server, tmp_path, schem
     screen.close()
 
 
+def test_live_page_without_a_gateway_says_how_to_get_one(chromium, tmp_path):
+    server = Server(bundled_example(), "/tmp/driveid-nobody.sock", tmp_path)
+    screen = Screen(chromium, server)
+    screen.page.goto(f"{server.base}/live")
+    screen.until("document.querySelector('.hint')?.textContent.includes('driveid config new')", 10)
+    screen.page.get_by_role("button", name="Look at records instead").click()
+    screen.until("location.pathname === '/compare' && document.querySelectorAll('.uplot').length >= 2", 60)
+    assert screen.complaints == []
+    screen.close()
+    server.stop()
+
+
 def test_monitor_on_the_real_daemon(gateway):
     from driveid.views.watch import Watch
     from test_watch import screen as text

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The five pages in Debian's Chromium, with the bundled example and the library's own answers."""
 
+import subprocess
+
 import pytest
 from conftest import LOOKS, Screen, Server, shot
 from driveid.views.workbench.projects import bundled_example
@@ -74,6 +76,20 @@ def test_linked_selection_selects_in_every_view_and_is_in_the_address(screen):
     assert "sel=" not in screen.page.url
 
 
+def test_selection_by_keys_alone(screen):
+    screen.go("where")
+    screen.until(READY["where"], 120)
+    counts = []
+    screen.page.locator("canvas[data-key=speed]").focus()
+    for keys in (["Enter"], ["ArrowRight", "ArrowUp"], ["Shift+ArrowRight"] * 6 + ["Shift+ArrowUp"] * 6):
+        for key in keys:
+            screen.page.keyboard.press(key)
+        counts.append(int(screen.page.get_attribute("[data-selected]", "data-selected")))
+    assert len(set(counts)) == 3 and counts[2] > counts[1] > 0 and "sel=speed" in screen.page.url, counts
+    screen.page.keyboard.press("Escape")
+    assert "sel=" not in screen.page.url
+
+
 def test_button_adds_the_effect_the_staircase_grows_and_undo_takes_it_out(screen):
     screen.go("missing")
     screen.until("document.querySelectorAll('.candidate button.primary').length >= 1", 120)
@@ -88,6 +104,37 @@ def test_button_adds_the_effect_the_staircase_grows_and_undo_takes_it_out(screen
     screen.page.keyboard.press("u")
     screen.until("document.querySelector('[data-steps]')?.dataset.steps === '1' && !location.search.includes('add=')", 60)
     screen.page.go_back()
+    screen.until("document.querySelector('[data-steps]')?.dataset.steps === '2'", 60)
+
+
+def test_all_that_is_missing_with_every_order_of_cogging(screen):
+    screen.go("falls")
+    screen.until(READY["falls"], 120)
+    screen.page.get_by_role("button", name="Add all").click()
+    screen.until("document.querySelector('[data-steps]')?.dataset.steps === '4'", 200)
+    assert screen.page.evaluate("new URLSearchParams(location.search).get('add')") == "coulomb,cogging,cogging"
+    assert "cogging (2)" in screen.page.inner_text("#strip")
+    held = screen.page.evaluate("[...document.querySelectorAll('rect.held')].map((r) => r.getBBox().height)")
+    assert len(held) == 4 and held == sorted(held, reverse=True)
+
+
+def test_an_effect_of_ones_own_is_added_as_a_formula(screen):
+    screen.go("missing")
+    screen.until("document.querySelectorAll('.own').length === 1 && document.querySelectorAll('.candidate').length >= 1", 120)
+    screen.page.get_by_text("An effect of your own").click()
+    screen.page.fill("#own-name", "my_drag")
+    screen.page.fill("#own-formula", "c * max(omega_rad_s, 0) + (")
+    screen.page.get_by_role("button", name="Add and fit").click()
+    screen.until("document.querySelector('.own .error').textContent.includes('formula, column')", 20)
+    screen.complaints.clear()  # the browser reports the refused question itself
+    screen.page.fill("#own-formula", "c * max(sign(omega_rad_s), 0) + d * min(sign(omega_rad_s), 0)")
+    screen.page.get_by_role("button", name="Add and fit").click()
+    screen.until("document.querySelector('[data-steps]')?.dataset.steps === '2' && document.querySelectorAll('table').length >= 1", 120)
+    assert "+ my drag" in screen.page.inner_text("#strip")
+    held = screen.page.evaluate("[...document.querySelectorAll('rect.held')].map((r) => r.getBBox().height)")
+    assert held[1] < held[0], "a friction of two directions must lower the error of this drive"
+    assert "my drag" in screen.page.inner_text("main table")
+    screen.page.reload()
     screen.until("document.querySelector('[data-steps]')?.dataset.steps === '2'", 60)
 
 
@@ -124,7 +171,7 @@ def test_keys_lead_through_the_pages(screen):
     assert screen.page.locator("dialog[open]").count() == 1
 
 
-def test_exports(screen, tmp_path):
+def test_exports(screen, tmp_path, programs):
     screen.go("falls", add="coulomb")
     screen.until(READY["falls"], 120)
     for name, words in (("model.toml", 'name = "coulomb"'), ("driveidd.toml", "[[drive]]"), ("report.html", "The error falls")):
@@ -133,6 +180,8 @@ def test_exports(screen, tmp_path):
         path = tmp_path / name
         download.value.save_as(path)
         assert words in path.read_text("utf-8")
+    checked = subprocess.run([programs["driveidd"], "--check", "driveidd.toml"], cwd=tmp_path, capture_output=True, text=True)
+    assert checked.returncode == 0, checked.stderr
 
 
 def test_unknown_project_says_what_to_do(screen):

@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
+import json
 import os
+import re
 from dataclasses import dataclass, field
 
 from . import _core
@@ -74,6 +76,14 @@ class Model:
         if status != 0 or toml is None:
             raise UsageError(message or _core.status_text(status))
         return Model(toml, self.name)
+
+    def add_own(self, name: str, formula: str, adds_to: str) -> Model:
+        """The same model with an effect of your own: Model.add_own("my_drag", "c * omega_rad_s * abs(omega_rad_s)", "tau_Nm")."""
+        keys = "".join(f"{key} = {json.dumps(value)}\n" for key, value in (("name", name), ("formula", formula), ("adds_to", adds_to)))
+        try:
+            return Model(f"{self.toml.rstrip()}\n\n[[effect]]\n{keys}", self.name)
+        except FileError as e:
+            raise UsageError(re.sub(r"^.*?: (line \d+: )?", "", str(e), count=1)) from None
 
     def __repr__(self) -> str:
         return f"Model({self.structure}{''.join(' + ' + e.name for e in self.effects)})"

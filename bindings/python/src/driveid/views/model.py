@@ -7,6 +7,7 @@ an empty value and its part of the view is left out, never guessed."""
 from __future__ import annotations
 
 import math
+import re
 import tomllib
 from dataclasses import dataclass, field
 from typing import Any
@@ -40,7 +41,8 @@ ENDS = {
 
 
 def effect_title(name: str) -> str:
-    """``quadratic_drag`` -> ``quadratic drag``; own effects keep their name."""
+    """``quadratic_drag`` -> ``quadratic drag``; an own effect of an address is ``name:adds_to:formula``."""
+    name = name.partition(":")[0]
     return TITLES.get(name, name.replace("_", " "))
 
 
@@ -274,10 +276,11 @@ class Step:
     held_out: ErrorSet
     parameters: list[Parameter] = field(default_factory=list)
     share_left: float | None = None
+    label: str = ""
 
     @property
     def title(self) -> str:
-        return effect_title(self.effect) if self.effect else "first model"
+        return self.label or effect_title(self.effect) if self.effect else "first model"
 
 
 @dataclass(frozen=True)
@@ -350,6 +353,21 @@ def _tests(data: dict) -> list[tuple[str, list[Test]]]:
     return out
 
 
+_RANGE = re.compile(r"^.* from [-+.\de]+ to [-+.\de]+ (\S+)$")
+
+
+def _regime_text(text: str, lo: float | None, hi: float | None) -> str:
+    """``speed from 0.0125 to 2.415 rad/s`` -> ``12.5 … 2415 mrad/s`` said with one prefix, or ``up to 2.42 rad/s``: the axis has the name already."""
+    text = text.replace("^2", "²")
+    match = _RANGE.match(text)
+    if not match or lo is None or hi is None or hi <= 0.0:
+        return text
+    divisor, unit = units.scale_of(hi, match[1])
+    if 0.0 <= lo < 1e-3 * hi:
+        return f"up to {hi / divisor:.3g} {unit}"
+    return f"{units.number(lo / divisor, '', 3)} … {units.number(hi / divisor, '', 3)} {unit}"
+
+
 def regimes_of(where: Any) -> list[Regime]:
     """Regimes, those that chance does not explain first, by falling share of the error."""
     out = []
@@ -357,7 +375,7 @@ def regimes_of(where: Any) -> list[Regime]:
         if not isinstance(item, dict) or _number(item.get("share")) is None:
             continue
         lo, hi = _pair(item.get("range")) or (None, None)
-        out.append(Regime(str(item.get("axis") or ""), str(item.get("regime") or "").replace("^2", "²"), float(item["share"]), _number(item.get("rows")), bool(item.get("significant", True)), lo, hi))
+        out.append(Regime(str(item.get("axis") or ""), _regime_text(str(item.get("regime") or ""), lo, hi), float(item["share"]), _number(item.get("rows")), bool(item.get("significant", True)), lo, hi))
     return sorted(out, key=lambda r: (not r.significant, -r.share))
 
 

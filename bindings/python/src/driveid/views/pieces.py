@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 from html import escape
 
 import numpy as np
@@ -118,9 +119,9 @@ def regimes(items: list[Regime], most: int = 10) -> str:
     for r in items[:most]:
         weak = "" if r.significant else " weak"
         time = f" in {units.percent(r.of_time)} of the time" if r.of_time is not None else ""
-        cells.append(f'<span class="coordinate{weak}">{escape(r.axis)}</span><span class="{weak.strip()}">{escape(r.label)}</span>'
+        cells.append(f'<div class="regime"><span class="coordinate{weak}">{escape(r.axis)}</span><span class="{weak.strip()}">{escape(r.label)}</span>'
                      f'<span class="track{weak}" title="{units.percent(r.share)}{time}"><span class="fill" style="display:block;width:{100 * max(r.share, 0) / longest:.1f}%"></span></span>'
-                     f'<span class="share">{units.percent(r.share)}</span>')
+                     f'<span class="share">{units.percent(r.share)}</span></div>')
     return f'<div class="bars">{"".join(cells)}</div>'
 
 
@@ -146,9 +147,16 @@ def power(items: list[Revealed]) -> str:
 
 
 def next_record(item: NextRecord) -> str:
-    separates = f'<p class="soft">It tells apart: {escape(", ".join(effect_title(s) for s in item.separates))}.</p>' if item.separates else ""
-    motion = item.motion[:1].upper() + item.motion[1:]
-    return f"<p>{escape(motion)}</p><p class=soft>{escape(item.why)}</p>{separates}{_set_points(item.table)}"
+    why = item.why
+    for name in item.separates:
+        why = re.sub(rf"\b{re.escape(name)}\b", effect_title(name), why)
+    separates = f'<p class="soft">It tells apart: {escape(", ".join(effect_title(s) for s in item.separates))}.</p>' if len(item.separates) > 1 else ""
+    return f"<p>{escape(_sentence(item.motion))}</p><p class=soft>{escape(_sentence(why))}</p>{separates}{_set_points(item.table)}"
+
+
+def _sentence(text: str) -> str:
+    text = text[:1].upper() + text[1:]
+    return text if not text or text[-1] in ".!?" else text + "."
 
 
 def _set_points(rows: list[dict]) -> str:

@@ -86,7 +86,7 @@ async function openDialog() {
 }
 
 function helpDialog() {
-  const keys = [["1 … 5", "the pages"], ["← →", "move in time"], ["+ −  0", "zoom in, out, all"], ["a", "add the first missing effect"], ["u", "undo the last effect"], ["r  m", "record, mark (Live)"], ["Esc", "clear the selection"], ["o", "open a model and records"], ["c", "copy the address"], ["t", "light or dark"]];
+  const keys = [["1 … 5", "the pages"], ["← →", "move in time (one finger)"], ["+ −  0", "zoom in, out, all (wheel, two fingers)"], ["a", "add the first missing effect"], ["u", "undo the last effect"], ["r  m", "record, mark (Live)"], ["Enter", "box in the view that has the focus (Tab); arrows move it, Shift and arrows size it"], ["Esc", "clear the selection"], ["o", "open a model and records"], ["c", "copy the address"], ["t", "light or dark"]];
   dialog.replaceChildren(el("h2", {}, "Keys"), el("dl", {}, ...keys.flatMap(([k, v]) => [el("dt", {}, k), el("dd", {}, v)])), el("p.soft", { style: "margin-top:12px" }, "Everything that you see is in the address: send it to a colleague, or use Back."), el("button", { onclick: () => dialog.close() }, "Close"));
   dialog.showModal();
 }

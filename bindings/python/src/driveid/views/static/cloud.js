@@ -12,6 +12,8 @@ function nice(span, most) {
   return [1, 2, 5, 10].map((f) => f * power).find((s) => s >= raw * 0.999999);
 }
 
+const superscript = (n) => String(n).replace(/[-\d]/g, (c) => (c === "-" ? "⁻" : "⁰¹²³⁴⁵⁶⁷⁸⁹"[c]));
+
 function limits(values, zero) {
   const finite = Float64Array.from(values).filter(Number.isFinite).sort();
   if (!finite.length) return [0, 1];
@@ -24,8 +26,8 @@ function limits(values, zero) {
 
 export class Cloud {
   /** x, y: arrays of equal length. onSelect({x0, x1, y0, y1} or null). */
-  constructor(canvas, x, y, { title, unit, yUnit, onSelect, log = false, line = false }) {
-    Object.assign(this, { canvas, x, y, title, unit, yUnit, onSelect, line });
+  constructor(canvas, x, y, { title, unit, yUnit, onSelect, words = null, log = false, line = false }) {
+    Object.assign(this, { canvas, x, y, title, unit, yUnit, onSelect, words, line });
     this.fx = log ? (v) => Math.log10(Math.max(v, 1e-30)) : (v) => v;
     this.fy = this.fx;
     this.log = log;
@@ -99,9 +101,10 @@ export class Cloud {
   }
 
   marks(range, unit, most) {
+    if (this.words && range === this.xr) return [this.words, ""];
     if (this.log) {
       const out = [];
-      for (let p = Math.ceil(range[0]); p <= range[1]; p++) out.push([p, 10 ** p >= 1e-3 && 10 ** p < 1e4 ? String(+(10 ** p).toPrecision(3)) : `1e${p}`]);
+      for (let p = Math.ceil(range[0]); p <= range[1]; p++) out.push([p, 10 ** p >= 1e-2 && 10 ** p < 1e4 ? String(+(10 ** p).toPrecision(3)) : `10${superscript(p)}`]);
       const every = Math.ceil(out.length / most);
       return [out.filter((_, k) => k % every === 0), unit];
     }
@@ -116,10 +119,10 @@ export class Cloud {
     c.lineWidth = 1;
     c.fillStyle = colour("soft");
     c.strokeStyle = colour("line");
-    const [xs, xUnit] = this.marks(this.xr, this.unit, Math.max(3, Math.floor(this.width / 52))), [ys, yUnit] = this.marks(this.yr, this.yUnit, Math.max(2, Math.floor(this.height / 42)));
+    const [xs, xUnit] = this.marks(this.xr, this.unit, Math.max(3, Math.floor(this.width / 52))), [ys, yUnit] = this.marks(this.yr, this.yUnit, Math.max(2, Math.floor(this.height / 34)));
     const right = this.width - RIGHT, base = this.height - BOTTOM;
     c.textAlign = "center";
-    for (const [v, text] of xs) { const p = LEFT + ((v - this.xr[0]) / (this.xr[1] - this.xr[0])) * (right - LEFT); c.beginPath(); c.moveTo(p, TOP); c.lineTo(p, base); c.stroke(); c.fillText(text, p, base + 12); }
+    for (const [v, text] of xs) { const p = LEFT + ((v - this.xr[0]) / (this.xr[1] - this.xr[0])) * (right - LEFT); c.beginPath(); c.moveTo(p, TOP); c.lineTo(p, base); c.stroke(); const half = c.measureText(text).width / 2; c.fillText(text, Math.min(Math.max(p, half), this.width - half - 1), base + 12); }
     c.textAlign = "right";
     for (const [v, text] of ys) { const p = base - ((v - this.yr[0]) / (this.yr[1] - this.yr[0])) * (base - TOP); c.beginPath(); c.moveTo(LEFT, p); c.lineTo(right, p); c.stroke(); c.fillText(text, LEFT - 4, p + 4); }
     c.textAlign = "right";
@@ -142,6 +145,21 @@ export class Cloud {
       from = null;
       this.onSelect(box);
     });
+    this.canvas.addEventListener("keydown", (e) => this.steer(e));
+  }
+
+  /** Without a mouse: Enter makes a box, arrows move it by a twentieth of the view, with Shift they move its far edges. */
+  steer(event) {
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    const w = this.xr[1] - this.xr[0], h = this.yr[1] - this.yr[0];
+    const move = { ArrowLeft: [-0.05 * w, 0], ArrowRight: [0.05 * w, 0], ArrowUp: [0, 0.05 * h], ArrowDown: [0, -0.05 * h] }[event.key];
+    if (event.key !== "Enter" && !move) return;
+    event.preventDefault();
+    event.stopPropagation();
+    const middle = { x0: this.xr[0] + 0.375 * w, x1: this.xr[0] + 0.625 * w, y0: this.yr[0] + 0.25 * h, y1: this.yr[0] + 0.75 * h };
+    const { x0, x1, y0, y1 } = this.box && Number.isFinite(this.box.y0) ? this.box : middle;
+    const [dx, dy] = move ?? [0, 0], near = event.shiftKey ? 0 : 1;
+    this.onSelect({ x0: x0 + near * dx, x1: Math.max(x1 + dx, x0 + near * dx), y0: y0 + near * dy, y1: Math.max(y1 + dy, y0 + near * dy) });
   }
 
   between([a, b], [c, d]) {

@@ -34,7 +34,7 @@ export function busy(words = "asking") {
   const text = el("span", {}, `${words} …`);
   const box = el("div.busy", { role: "progressbar" }, text, el("div.track", {}, fill));
   box.progress = (done, what) => {
-    text.textContent = `${what} …`;
+    text.textContent = `${words}: ${what} …`;
     fill.style.width = `${Math.max(4, 100 * done)}%`;
   };
   return box;

@@ -71,13 +71,34 @@ export class TimePlot {
       padding: [6, 12, 0, 0],
       axes: [options.timeAxis === false ? { ...axis("", "", 6, 2), values: (u, splits) => splits.map(() => "") } : axis("time", "s", 18, 2), axis(options.title, options.unit, 46, 3)],
       series: [{}, ...lines],
-      hooks: { draw: [() => { this.draws = (this.draws || 0) + 1; }], setSelect: [(u) => this.selected(u)] },
+      hooks: { draw: [(u) => { this.draws = (this.draws || 0) + 1; this.flags(u); }], setSelect: [(u) => this.selected(u)] },
     }, [[0], ...series.map(() => [0])], place);
     this.resize = new ResizeObserver(() => {
       const width = Math.floor(place.clientWidth);
       if (width > 60 && Math.abs(width - this.plot.width) > 1) this.plot.setSize({ width, height: options.height });
     });
     this.resize.observe(place);
+  }
+
+  /** Dashed lines with a word each: this.marks = [{t, text}]. */
+  flags(u) {
+    const c = u.ctx, { top, height, left, width } = u.bbox, ratio = devicePixelRatio || 1;
+    for (const { t, text } of this.marks || []) {
+      const x = u.valToPos(t, "x", true);
+      if (x < left || x > left + width) continue;
+      c.save();
+      c.strokeStyle = c.fillStyle = colour("select");
+      c.setLineDash([4 * ratio, 3 * ratio]);
+      c.lineWidth = ratio;
+      c.beginPath();
+      c.moveTo(x, top);
+      c.lineTo(x, top + height);
+      c.stroke();
+      c.font = `${11 * ratio}px system-ui, sans-serif`;
+      c.textAlign = x > left + width / 2 ? "right" : "left";
+      c.fillText(text, x + (x > left + width / 2 ? -4 : 4) * ratio, top + 11 * ratio);
+      c.restore();
+    }
   }
 
   range(lo, hi) {
@@ -108,6 +129,21 @@ export class TimePlot {
   }
 }
 
+/** On a tablet: one finger moves, two zoom. */
+function fingers(element, pan, zoom) {
+  const down = new Map();
+  element.addEventListener("pointerdown", (e) => e.pointerType === "touch" && down.set(e.pointerId, e.clientX));
+  for (const end of ["pointerup", "pointercancel", "pointerleave"]) element.addEventListener(end, (e) => down.delete(e.pointerId));
+  element.addEventListener("pointermove", (e) => {
+    if (!down.has(e.pointerId)) return;
+    const box = element.getBoundingClientRect(), width = box.width - 94, before = down.get(e.pointerId);
+    const other = [...down].find(([id]) => id !== e.pointerId)?.[1];
+    down.set(e.pointerId, e.clientX);
+    if (other === undefined) pan((before - e.clientX) / width);
+    else zoom(Math.abs(before - other) / Math.max(Math.abs(e.clientX - other), 8), Math.min(1, Math.max(0, ((e.clientX + other) / 2 - box.left - 72) / width)));
+  });
+}
+
 /** Wheel, arrows, + and - move a window of time; the caller asks for the data. */
 export function navigate(element, view) {
   const { full, now, set } = view;
@@ -127,6 +163,7 @@ export function navigate(element, view) {
     else zoom(event.deltaY > 0 ? 1.25 : 0.8, Math.min(1, Math.max(0, (event.clientX - box.left - 72) / (box.width - 94))));
   };
   element.addEventListener("wheel", wheel, { passive: false });
+  fingers(element, pan, zoom);
   const keys = { ArrowLeft: () => pan(-0.25), ArrowRight: () => pan(0.25), "+": () => zoom(0.5), "=": () => zoom(0.5), "-": () => zoom(2), 0: () => set(...full()) };
   return (event) => { if (keys[event.key]) { event.preventDefault(); keys[event.key](); } };
 }

@@ -18,7 +18,9 @@ from starlette.staticfiles import StaticFiles
 
 from ...errors import DriveidError
 from . import export, pages
-from .engine import Chain, Engine, Trouble
+from . import chain as chains
+from .chain import Chain
+from .engine import Engine, Trouble
 from .jobs import Pending
 from .live import Live
 from .projects import Project, Projects
@@ -45,7 +47,7 @@ class Workbench:
 
     @staticmethod
     def _chain(text: str) -> Chain:
-        return tuple(e for e in text.split(",") if e)
+        return chains.parse(text)
 
     def _record(self, request: Request) -> int:
         return max(int(request.query_params.get("r", "0") or 0), 0)
@@ -109,8 +111,19 @@ class Workbench:
     async def improve(self, request: Request) -> Response:
         project, chain = self._project(request), self._chain(request.query_params.get("add", ""))
         document = await self._answer(request, lambda tell: self.engine.improved(project, chain, tell))
-        steps = [s.get("effect") for s in document.get("steps") or [] if s.get("effect")]
-        return JSONResponse({"add": [*chain, *[s for s in steps if s not in chain]], "ends": document.get("ends", "")})
+        found = [s["effect"] for s in document.get("steps") or [] if s.get("effect") for _ in range(chains.orders(s.get("parameters") or ()))]
+        return JSONResponse({"add": [*chain, *found], "ends": document.get("ends", "")})
+
+    async def own(self, request: Request) -> Response:
+        """An own effect as an element of the address, once the library has read it."""
+        project, chain, q = self._project(request), self._chain(request.query_params.get("add", "")), request.query_params
+        element = chains.own(q.get("name", "").strip(), q.get("formula", "").strip(), q.get("adds_to", ""))
+
+        def work(tell):
+            self.engine.add(self.engine.model_toml(project, chain, tell), element)
+            return {"element": element}
+
+        return JSONResponse(await self._answer(request, work))
 
     # Projects and exports -----------------------------------------------------------------------------------------
 
@@ -150,7 +163,7 @@ class Workbench:
     # Application --------------------------------------------------------------------------------------------------
 
     def application(self) -> Starlette:
-        api = [Route(f"/{name}", getattr(self, name)) for name in ("project", "compare", "trace", "where", "regimes", "missing", "evidence", "falls", "improve", "known")]
+        api = [Route(f"/{name}", getattr(self, name)) for name in ("project", "compare", "trace", "where", "regimes", "missing", "evidence", "falls", "improve", "own", "known")]
         api += [Route("/open", self.open, methods=["POST"]), Route("/export/{what}", self.export)]
         static = StaticFiles(directory=str(resources.files("driveid.views").joinpath("static")))
         routes = [Route("/", self.home), *[Route(f"/{p}", self.page) for p in PAGES], Mount("/api", routes=api), Mount("/static", static), WebSocketRoute("/ws/live", self.live.serve)]

@@ -13,10 +13,10 @@ from ...errors import DataError, DriveidError
 from ...model import Model
 from ...records import read_all
 from ..series import Series
+from . import chain as chains
+from .chain import Chain
 from .jobs import Jobs, Progress
 from .projects import Project
-
-Chain = tuple[str, ...]
 
 
 class Trouble(Exception):
@@ -68,7 +68,7 @@ class Engine:
                 return {"model_toml": model}
             if chain:
                 model = self.add(self.fitted(project, chain[:-1], tell)["model_toml"], chain[-1])
-            tell(0.1, f"fitting {' + '.join(chain) or 'the model'}")
+            tell(0.1, f"fitting {' + '.join(chains.titles(chain)) or 'the model'}")
             document = self._ask(analysis.fit, project, model, tell)
             if "model_toml" not in document:
                 raise Trouble(document.get("message") or "the fit gave no model: look at the notices of the record")
@@ -111,7 +111,7 @@ class Engine:
         return Series.of(found.t_s, found.header, found.data, found.record)
 
     def add(self, model_toml: str, effect: str) -> str:
-        return Model(model_toml).add(effect).toml
+        return chains.add(Model(model_toml), effect).toml
 
     def new(self, structure: str, given: list[str]) -> str:
         try:

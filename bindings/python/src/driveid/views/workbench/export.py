@@ -7,7 +7,8 @@ import shlex
 
 from .. import model as view
 from .. import report
-from .engine import Chain, Engine
+from .chain import Chain
+from .engine import Engine
 from .jobs import Progress
 from .pages import report_series, sides_of_chain
 from .projects import Project

@@ -16,6 +16,7 @@ from ..gateway import STATES, Gateway, bus_rows, lamp
 from .wire import pack
 
 LINGER_S = 5.0
+MARKS_S = 12.0  # as long as the plots reach back
 PERIOD_S = 0.04  # 25 pictures a second at most; the browser's word after each picture paces it
 
 
@@ -109,7 +110,8 @@ class Live:
             await asyncio.sleep(max(0.0, PERIOD_S - (time.monotonic() - begin)))
 
     def _picture(self, head: dict, wish: dict) -> bytes:
-        window = self.gateway.windows.get(wish["drive"] or next(iter(self.gateway.windows), ""))
+        drive = wish["drive"] or next(iter(self.gateway.windows), "")
+        window = self.gateway.windows.get(drive)
         if window is None:
             return pack(head, {})
         window.flush()
@@ -118,8 +120,14 @@ class Live:
         first, values = window.since(wish["sent"])
         wish["sent"] = window.head  # the newest bucket is still being filled: it is sent again
         names = [{"name": n, "symbol": units.symbol(n), "unit": units.split_name(n)[1]} for n in window.names]
-        head |= {"first": first, "count": int(values.shape[1]), "buckets": window.buckets, "bucket_s": window.bucket_ns * 1e-9, "signals": names}
+        head |= {"first": first, "count": int(values.shape[1]), "buckets": window.buckets, "bucket_s": window.bucket_ns * 1e-9, "signals": names,
+                 "rate_Hz": float(self.gateway.drives.get(drive, {}).get("rate_Hz") or 0.0), "marks": self._marks()}
         return pack(head, {"values": values})
+
+    def _marks(self) -> list[dict]:
+        """Marks of the last seconds: how long ago, and their text."""
+        now = time.time()
+        return [{"age_s": round(now - e["wall"], 3), "text": e["text"]} for e in self.gateway.events if e["component"] == "mark" and now - e["wall"] < MARKS_S]
 
     async def _listen(self, socket: WebSocket, drawn: asyncio.Event, wish: dict) -> None:
         while True:

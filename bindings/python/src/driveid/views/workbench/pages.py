@@ -12,7 +12,9 @@ from .. import pieces, units
 from ..clouds import coordinates, spectrum
 from ..decimate import Pyramid, trace
 from ..series import Curve, Series
-from .engine import Chain, Engine, Trouble
+from . import chain as chains
+from .chain import Chain
+from .engine import Engine, Trouble
 from .jobs import Progress
 from .projects import Project
 
@@ -32,7 +34,7 @@ def project_page(engine: Engine, project: Project, chain: Chain) -> dict:
     runs = engine.records(project)
     model = view.Model.of(project.model_toml)
     return {"id": project.id, "name": project.name, "structure": model.structure.replace("_", " "), "effects": [{"name": e, "title": view.effect_title(e)} for e in model.effects],
-            "chain": [{"name": e, "title": view.effect_title(e)} for e in chain], "others": [name for name, _ in project.others],
+            "chain": [{"name": e, "title": t} for e, t in zip(chain, chains.titles(chain), strict=True)], "others": [name for name, _ in project.others],
             "records": [{"name": r.name, "role": role.replace("_", " "), "rows": r.rows, "span": units.duration(_span(r)), "t0": 0.0,
                          "t1": _span(r) or 1.0, "notices": list(r.notices)} for role, r in runs],
             "signals": [{"name": n, "symbol": units.symbol(n), "unit": units.split_name(n)[1]} for n in (runs[0][1].columns if runs else [])]}
@@ -43,7 +45,7 @@ def _span(run) -> float:
 
 
 def _chain_name(chain: Chain) -> str:
-    return "+ " + view.effect_title(chain[-1]) if chain else "first model"
+    return "+ " + chains.titles(chain)[-1] if chain else "first model"
 
 
 def compare_page(engine: Engine, project: Project, chain: Chain, record: int, tell: Progress) -> dict:
@@ -185,16 +187,17 @@ def _card(candidate: view.Candidate, answer: view.Answer) -> dict:
     ties = [{"name": t, "title": view.effect_title(t)} for t in candidate.ties]
     values = "; ".join(f"{units.symbol_html(p.name)} = {escape(p.text)}" for p in candidate.parameters)
     return {"effect": candidate.effect, "title": candidate.title, "accepted": candidate in answer.accepted, "share": units.percent(candidate.share),
-            "confidence": units.percent(candidate.confidence) if candidate.confidence is not None else "", "parameters": values, "ties": ties, "why": candidate.why, "equation": candidate.equation}
+            "confidence": units.percent(candidate.confidence) if candidate.confidence is not None and candidate.accepted else "", "parameters": values, "ties": ties, "why": candidate.why, "equation": candidate.equation,
+            "orders": chains.orders(p.name for p in candidate.parameters)}
 
 
 def evidence(engine: Engine, project: Project, chain: Chain, effect: str, beside: Chain, record: int, tell: Progress) -> dict:
     """What the effect predicts of the residual, drawn over the residual that is there without it.
 
-    beside: the other effects found with it; both models have them, so that only this effect differs."""
-    found = tuple(dict.fromkeys((*beside, effect)))
-    after = engine.series(project, (*chain, *found), record, tell)
-    before = engine.series(project, (*chain, *(e for e in found if e != effect)), record, tell)
+    beside: all effects found together; both models have the others, so that only this effect differs."""
+    others = tuple(dict.fromkeys(e for e in beside if e != effect))
+    before = engine.series(project, (*chain, *others), record, tell)
+    after = engine.series(project, (*chain, *others, *(effect,) * max(beside.count(effect), 1)), record, tell)
     old, new = _most_explained(before, after)
     if old is None or new is None:
         return {"html": '<p class="soft">This record gives no residual to draw.</p>'}
@@ -223,7 +226,7 @@ def stairs_page(engine: Engine, project: Project, chain: Chain, kind: str, tell:
     for k in range(len(chain) + 1):
         tell(k / (len(chain) + 1), f"comparing {_chain_name(chain[:k])}")
         sides = sides_of_chain(engine, project, chain[:k], tell)
-        steps.append(view.Step(chain[k - 1] if k else "", sides.get("training", view.ErrorSet()), sides.get("held out", view.ErrorSet())))
+        steps.append(view.Step(chain[k - 1] if k else "", sides.get("training", view.ErrorSet()), sides.get("held out", view.ErrorSet()), label=chains.titles(chain[:k])[-1] if k else ""))
     kinds = [k for k in view.ERROR_KINDS if all(k in s.training.by_kind or k in s.held_out.by_kind for s in steps)]
     kind = kind if kind in kinds else pieces.staircase_kind(steps) or ""
     before = {p.name: p for p in view.Model.of(engine.model_toml(project, (), tell)).parameters}

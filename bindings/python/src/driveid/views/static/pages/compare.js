@@ -37,11 +37,16 @@ class View {
     this.keys = navigate(this.box, { full: () => this.full, now: () => this.now, set: (a, b) => this.zoom(a, b) });
   }
 
-  zoom(a, b) {
+  /** Asks for the detail; while an answer is on its way, only the newest wish is kept. */
+  async zoom(a, b) {
     this.now = [a, b];
-    const whole = a <= this.full[0] && b >= this.full[1];
-    state.keep({ t: whole ? null : `${a.toPrecision(9)},${b.toPrecision(9)}` });
-    this.load();
+    if (this.busy) return;
+    for (this.busy = true; this.shown !== this.now && !this.abort.aborted;) {
+      const [begin, end] = (this.shown = this.now);
+      state.keep({ t: begin <= this.full[0] && end >= this.full[1] ? null : `${begin.toPrecision(9)},${end.toPrecision(9)}` });
+      await this.load().catch((e) => e.name === "AbortError" || this.box.replaceChildren(trouble(e)));
+    }
+    this.busy = false;
   }
 
   async load() {

@@ -6,8 +6,21 @@ import { el, toast } from "../dom.js";
 import { TimePlot } from "../plots.js";
 import * as state from "../state.js";
 
-const AWAY_AFTER_MS = 3000;
+const AWAY_AFTER_MS = 3000, SILENCE_PERIODS = 5;
 let reconnects = 0;
+
+/** Without the empty buckets of a slow drive: a line goes on over them, and breaks where the silence is longer than a few periods. */
+function bridged(t, y, silence_s) {
+  if (!y.some(Number.isNaN)) return [t, [y]];
+  const at = [], values = [];
+  for (let k = 0; k < y.length; k++) {
+    if (Number.isNaN(y[k])) continue;
+    if (at.length && t[k] - at.at(-1) > Math.max(silence_s, 3 * (t[2] - t[0]))) { at.push(t[k] - 1e-6); values.push(NaN); }
+    at.push(t[k]);
+    values.push(y[k]);
+  }
+  return at.length ? [Float64Array.from(at), [Float32Array.from(values)]] : [t, [y]];
+}
 
 class Signals {
   constructor(place) {
@@ -22,12 +35,14 @@ class Signals {
     const shift = this.last === undefined ? n : head.first + head.count - 1 - this.last;
     if (shift < 0 || shift > n) { this.y.forEach((a) => a.fill(NaN)); }
     const kept = Math.max(0, Math.min(n, n - shift));
+    const marks = head.marks.map((m) => ({ t: -m.age_s, text: m.text }));
     this.y.forEach((a, k) => {
+      this.plots[k].marks = marks;
       a.copyWithin(0, 2 * (n - kept), 2 * n);
       const from = k * head.count * 2, take = Math.min(head.count, n);
       a.fill(NaN, 2 * kept);
       a.set(values.subarray(from + 2 * (head.count - take), from + 2 * head.count), 2 * (n - take));
-      this.plots[k].data(this.t, [a], this.t[0], 0);
+      this.plots[k].data(...bridged(this.t, a, SILENCE_PERIODS / (head.rate_Hz || Infinity)), this.t[0], 0);
     });
     this.last = head.first + head.count - 1;
   }
@@ -86,11 +101,23 @@ export function mount(place) {
   let socket, gone = false, seen = 0, timer, lastText = "";
   const send = (message) => socket?.readyState === 1 && socket.send(JSON.stringify(message));
 
+  /** Nothing was seen yet: how a gateway comes to this page. */
+  function hint(address) {
+    if (plots.querySelector(".hint")) return;
+    plots.classList.add("few");
+    plots.replaceChildren(el("section.card.hint", {}, el("h2", {}, "What this page shows once a gateway runs"),
+      el("p", {}, "The drives, their signals of the last 10 s, the parameters with intervals as they arrive, whether the model still fits, and the health of each bus."),
+      el("pre", {}, `driveid config new -o driveidd.toml       # then say where the signals are on the bus\ndriveidd --check driveidd.toml\ndriveidd driveidd.toml\ndriveid workbench --socket ${address}`),
+      el("div.row", { style: "margin:10px 0 0" }, el("button.primary", { onclick: () => state.go({}, "compare") }, "Look at records instead"))));
+  }
+
   function show(panel) {
     const away = !panel.connected;
     document.body.dataset.gateway = away ? "away" : "up";
     banner.replaceChildren(...(away ? [el("section.card.banner", { html: `<b>The gateway does not answer.</b> ${text(panel.trouble)}. It is tried again every second (away for ${Math.round(panel.since_s)} s).` })] : []));
-    plots.classList.toggle("away", away);
+    if (away && !panel.drives.length) hint(panel.address);
+    plots.classList.toggle("away", away && panel.drives.length > 0);
+    health.hidden = away && !panel.drives.length;
     record.textContent = panel.recording ? "■ Stop recording" : "● Record";
     record.classList.toggle("on", Boolean(panel.recording));
     record.disabled = mark.disabled = away || !panel.write;

@@ -7,11 +7,13 @@ import { el, into } from "../dom.js";
 import { TimePlot } from "../plots.js";
 import * as state from "../state.js";
 
+const DIRECTIONS = [[-1, "reverse"], [0, "rest"], [1, "forward"]];
+
 export function mount(place, { project, signal }) {
   let clouds = [], line, act = () => {};
   const record = state.get("r", "0").split("+")[0];
   const chips = project.records.map((r, k) => el("button.chip", { "aria-pressed": String(String(k) === record), onclick: () => state.go({ r: k, sel: null }) }, `${r.name} (${r.role})`));
-  const count = el("span.soft"), clear = el("button", { onclick: () => act(null), hidden: true }, "Clear selection");
+  const count = el("span.soft", { role: "status" }), clear = el("button", { onclick: () => act(null), hidden: true }, "Clear selection");
   const body = el("div"), pick = el("span");
   place.replaceChildren(el("div.row", {}, ...chips, pick, el("span.space"), count, clear), body);
 
@@ -23,12 +25,12 @@ export function mount(place, { project, signal }) {
     const y = arrays.residual, mask = new Uint8Array(y.length), lit = new Float32Array(y.length).fill(NaN);
     time.append(el("div.cap", {}, el("b", {}, "residual against time"), el("span", {}, `${head.points.toLocaleString("en")} of ${head.rows.toLocaleString("en")} samples`)));
     line = new TimePlot(time, [{ name: "residual", colour: "residual", width: 1 }, { name: "selected", colour: "select", points: true }], {
-      title: "residual", unit: head.unit, height: 118, onZoom: (a, b) => choose({ key: "t_s", x0: a, x1: b, y0: -Infinity, y1: Infinity }) });
+      title: "residual", unit: head.unit, height: 114, onZoom: (a, b) => choose({ key: "t_s", x0: a, x1: b, y0: -Infinity, y1: Infinity }) });
     const column = (key) => (key === "t_s" ? arrays.t : arrays[key]);
     clouds = head.coordinates.filter((c) => c.key !== "t_s").map((c) => {
-      const canvas = el("canvas", { "data-key": c.key, tabindex: "0", "aria-label": `residual against ${c.title}` });
+      const canvas = el("canvas", { "data-key": c.key, tabindex: "0", "aria-label": `residual against ${c.title}: Enter makes a box, arrows move it, Shift and arrows change its size` });
       grid.append(el("figure", {}, el("figcaption", {}, c.title), canvas));
-      return Object.assign(new Cloud(canvas, column(c.key), y, { title: c.title, unit: c.unit, yUnit: head.unit, onSelect: (b) => choose(b && { key: c.key, ...b }) }), { key: c.key });
+      return Object.assign(new Cloud(canvas, column(c.key), y, { title: c.title, unit: c.unit, yUnit: head.unit, words: c.key === "direction" ? DIRECTIONS : null, onSelect: (b) => choose(b && { key: c.key, ...b }) }), { key: c.key });
     });
     if (arrays.frequency.length) {
       const canvas = el("canvas", { "aria-label": "residual against frequency", style: "cursor:default" });
