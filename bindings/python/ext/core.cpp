@@ -21,4 +21,6 @@ NB_MODULE(_core, m) {
     bind_model(m);
     bind_diagnose(m);
     bind_online(m);
+    bind_lti(m);
+    bind_modal(m);
 }

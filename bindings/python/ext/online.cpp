@@ -54,13 +54,6 @@ private:
     std::byte *bytes_;
 };
 
-template <typename T>
-nb::object array(std::vector<T> &&values, std::vector<size_t> shape) {
-    auto *kept = new std::vector<T>(std::move(values));
-    nb::capsule owner(kept, [](void *p) noexcept { delete static_cast<std::vector<T> *>(p); });
-    return nb::cast(nb::ndarray<nb::numpy, T>(kept->data(), shape.size(), shape.data(), owner));
-}
-
 class Online {
 public:
     Online(const std::string &model_toml, const std::vector<std::string> &signals, const std::string &method, const std::string &type,

@@ -10,6 +10,7 @@
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 
+#include <complex>
 #include <deque>
 #include <optional>
 #include <string>
@@ -59,8 +60,32 @@ private:
     std::vector<driveid_record> views_;
 };
 
+// A numpy array that owns the values.
+template <typename T>
+nb::object array(std::vector<T> &&values, std::vector<size_t> shape) {
+    auto *kept = new std::vector<T>(std::move(values));
+    nb::capsule owner(kept, [](void *p) noexcept { delete static_cast<std::vector<T> *>(p); });
+    return nb::cast(nb::ndarray<nb::numpy, T>(kept->data(), shape.size(), shape.data(), owner));
+}
+
+using Array = std::vector<double>;
+
+// A status of the library as an exception.
+inline void must(const char *what, driveid_status status) {
+    if (status != DRIVEID_OK) throw nb::value_error((std::string(what) + ": " + driveid_status_text(status)).c_str());
+}
+
+inline nb::object complexes(const Array &re, const Array &im) {
+    std::vector<std::complex<double>> out(re.size());
+    for (size_t k = 0; k < re.size(); k++) out[k] = {re[k], im[k]};
+    const size_t count = out.size();
+    return array(std::move(out), {count});
+}
+
 void bind_model(nb::module_ &m);
 void bind_diagnose(nb::module_ &m);
 void bind_online(nb::module_ &m);
+void bind_lti(nb::module_ &m);
+void bind_modal(nb::module_ &m);
 
 }  // namespace driveid_ext

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import difflib
 from collections.abc import Iterable
 
@@ -48,3 +49,12 @@ def close_names(name: str, there: Iterable[str]) -> str:
     text = f"Did you mean {' or '.join(repr(n) for n in near)}? " if near else ""
     shown = ", ".join(there[:24]) + (f", and {len(there) - 24} more" if len(there) > 24 else "")
     return text + (f"There are: {shown}" if there else "There are none")
+
+
+@contextlib.contextmanager
+def asking():
+    """What the extension refuses (ValueError) as UsageError."""
+    try:
+        yield
+    except ValueError as error:
+        raise UsageError(str(error)) from None
