@@ -70,6 +70,15 @@ double remove_drive(const Equation &equation, Eigen::Ref<Eigen::VectorXd> column
   return part;
 }
 
+// Functions of the smoothed current would let a fit choose how much of the current's noise it passes: their linear part is
+// that of the current as logged, which the resistance reads too.
+void same_current(const Equation &equation, Eigen::Ref<Eigen::MatrixXd> columns) {
+  if (equation.current.size() == 0 || equation.current.size() != columns.rows()) return;
+  const double square = equation.current_smooth.squaredNorm();
+  if (!(square > 0)) return;
+  for (Eigen::Index k = 0; k < columns.cols(); ++k) columns.col(k) += equation.current_smooth.dot(columns.col(k)) / square * (equation.current - equation.current_smooth);
+}
+
 Eigen::MatrixXd effect_columns(const Equation &equation, const driveid_effect_info &info, const double *shape) {
   Eigen::MatrixXd out(Eigen::Index(equation.rows), info.columns);
   std::vector<double> fine[DRIVEID_EFFECT_COLUMNS_MAX];
@@ -82,18 +91,21 @@ Eigen::MatrixXd effect_columns(const Equation &equation, const driveid_effect_in
     }
     for (int c = 0; c < info.columns; ++c) apply_kernel(t, fine[c], 0, out.col(c).data() + t.first);
   }
+  same_current(equation, out);
   return out;
 }
 
 Eigen::VectorXd whiten(const Equation &equation, const Eigen::VectorXd &raw) {
   const int p = int(equation.ar.size());
   if (p == 0) return raw;
+  const bool masked = !equation.mask.empty();
   Eigen::VectorXd out = Eigen::VectorXd::Zero(raw.size());
   for (const Track &t : equation.tracks) {
     int age = 0, run = -1;
     for (std::size_t r = 0; r < t.row.size(); ++r) {
       age = t.run[r] == run ? age + 1 : 0;
       run = t.run[r];
+      if (masked && equation.mask[t.first + r]) age = -1;
       if (age < p) continue;
       const double *e = raw.data() + t.first + r;
       double v = e[0];
@@ -108,6 +120,39 @@ Eigen::MatrixXd whiten(const Equation &equation, const Eigen::MatrixXd &raw) {
   Eigen::MatrixXd out(raw.rows(), raw.cols());
   for (Eigen::Index c = 0; c < raw.cols(); ++c) out.col(c) = whiten(equation, Eigen::VectorXd(raw.col(c)));
   return out;
+}
+
+void weigh_rows(Equation &equation) {
+  equation.weight.assign(equation.rows, 1.0);
+  const int p = int(equation.ar.size());
+  const bool masked = !equation.mask.empty();
+  for (const Track &t : equation.tracks) {
+    int age = 0, run = -1;
+    for (std::size_t r = 0; r < t.row.size(); ++r) {
+      age = t.run[r] == run ? age + 1 : 0;
+      run = t.run[r];
+      if (masked && equation.mask[t.first + r]) age = -1;
+      if (age < p) equation.weight[t.first + r] = 0;
+    }
+  }
+}
+
+// Rows where even a flexible model misses by far more than anywhere else: wrong samples that no rule of the record's preparation saw.
+// Where they are many they belong to the drive, and stay.
+void mask_outliers(Equation &equation, const Eigen::VectorXd &residual) {
+  const Eigen::VectorXd white = whiten(equation, residual);
+  std::vector<double> size;
+  for (Eigen::Index k = 0; k < white.size(); ++k)
+    if (white[k] != 0) size.push_back(std::fabs(white[k]));
+  if (size.size() < 100) return;
+  auto mid = size.begin() + std::ptrdiff_t(size.size() / 2);
+  std::nth_element(size.begin(), mid, size.end());
+  const double limit = 10 * 1.48 * *mid;
+  std::vector<unsigned char> mask(equation.rows, 0);
+  std::size_t many = 0;
+  for (std::size_t k = 0; k < equation.rows; ++k) mask[k] = std::fabs(white[Eigen::Index(k)]) > limit, many += mask[k];
+  if (many == 0 || many * 200 > equation.rows) return;
+  equation.mask = mask;
 }
 
 void fit_whitening(Equation &equation, const Eigen::VectorXd &residual, int order) {
@@ -146,16 +191,7 @@ void fit_whitening(Equation &equation, const Eigen::VectorXd &residual, int orde
     }
     equation.ar = a;
   }
-  equation.weight.assign(equation.rows, 1.0);
-  const int p = int(equation.ar.size());
-  for (const Track &t : equation.tracks) {
-    int age = 0, run = -1;
-    for (std::size_t r = 0; r < t.row.size(); ++r) {
-      age = t.run[r] == run ? age + 1 : 0;
-      run = t.run[r];
-      if (age < p) equation.weight[t.first + r] = 0;
-    }
-  }
+  weigh_rows(equation);
 }
 
 Eigen::VectorXd delayed_target(const Equation &equation, double delay_s) {

@@ -57,19 +57,23 @@ struct Equation {
   char drive_unit = 'A';
   double gain = 1;
   double quantum = 0;              // step of the position's quantisation, or six times its noise where that is more; 0 where speed is measured
+  double input_noise = 0;          // of the drive as logged, sample to sample
   double input_shift_s = 0;        // time to add to the stamps of the input: +dt/2 held, -dt/2 averaged over the sample before
   std::vector<Track> tracks;
   std::size_t rows = 0;
   Eigen::VectorXd y;               // target, raw rows: the drive less the given terms
   Eigen::VectorXd drive;           // gain * drive, raw rows
+  Eigen::VectorXd current, current_smooth;   // voltage equations: rows of the current as logged, and of the one in the states
   Eigen::MatrixXd base;            // free nominal columns, raw rows
   std::vector<BaseColumn> base_column;
   double floor_lo = 0;             // propagated sensor noise and quantisation, at these rows (RMS)
   double noise_motion = 0, noise_drive = 0;   // variances of white noise on the position (or speed) and on the drive (floor.hpp)
   // whitening: e_k - sum ar_j e_{k-j} inside each run
   std::vector<double> ar;
-  std::vector<int> block;          // cross-validation block of each row
+  std::vector<int> block;          // block of each row: where evidence is counted
+  std::vector<int> block_fold;     // fold of each block: what is left out together in cross-validation
   std::vector<unsigned char> block_held_out;
+  std::vector<unsigned char> mask; // 1: a lone outlier far beyond everything else, left out (empty: none)
   std::vector<double> weight;      // of whitened rows: 0 at the head of a run
 };
 
@@ -83,6 +87,8 @@ Eigen::VectorXd stack(const Equation &equation, const FineSignal &signal, int de
 // Takes the drive itself out of a column that is made from it: otherwise a sum of such columns could cancel the target.
 double remove_drive(const Equation &equation, Eigen::Ref<Eigen::VectorXd> column);
 
+void same_current(const Equation &equation, Eigen::Ref<Eigen::MatrixXd> columns);
+
 // Columns of an effect at given shapes: rows x info->columns, raw.
 Eigen::MatrixXd effect_columns(const Equation &equation, const driveid_effect_info &info, const double *shape);
 
@@ -90,6 +96,8 @@ Eigen::MatrixXd effect_columns(const Equation &equation, const driveid_effect_in
 Eigen::VectorXd whiten(const Equation &equation, const Eigen::VectorXd &raw);
 Eigen::MatrixXd whiten(const Equation &equation, const Eigen::MatrixXd &raw);
 void fit_whitening(Equation &equation, const Eigen::VectorXd &residual, int order);
+void weigh_rows(Equation &equation);
+void mask_outliers(Equation &equation, const Eigen::VectorXd &residual);
 
 // The target with the input shifted by a further delay_s (positive: the response comes later than the input).
 Eigen::VectorXd delayed_target(const Equation &equation, double delay_s);

@@ -10,6 +10,7 @@ namespace driveid::diagnose {
 namespace {
 
 constexpr std::size_t kRowsMax = 24000;  // rows of one equation
+constexpr int kBlocksOfFold = 4;
 
 struct Source {
   const Prepared *record;
@@ -193,7 +194,7 @@ void add_base(Equation &e, const driveid_model &model, const char *name, const F
   e.base_column.push_back({name, false, 0});
 }
 
-// Contiguous blocks: about six of the training records and six of the held-out ones, or ten with three set aside.
+// Contiguous folds: about six of the training records and six of the held-out ones, or ten with three set aside; four blocks in each.
 void make_blocks(Equation &e) {
   int records = 0;
   bool any_held = false;
@@ -205,20 +206,25 @@ void make_blocks(Equation &e) {
   for (int r = 0; r < records; ++r) (held[std::size_t(r)] ? helds : trainings) += rows[std::size_t(r)] > 0;
   e.block.assign(e.rows, 0);
   e.block_held_out.clear();
+  e.block_fold.clear();
+  int folds = 0;
   std::vector<int> base(std::size_t(records), 0), blocks(std::size_t(records), 1);
   for (int r = 0; r < records; ++r) {
     int many = any_held ? 6 : 10, sharing = held[std::size_t(r)] ? helds : trainings;
     blocks[std::size_t(r)] = std::max(2, (many + sharing - 1) / std::max(1, sharing));
     base[std::size_t(r)] = int(e.block_held_out.size());
-    for (int b = 0; b < blocks[std::size_t(r)]; ++b)
-      e.block_held_out.push_back(any_held ? held[std::size_t(r)] : blocks[std::size_t(r)] == 2 ? b == 1 : b % 3 == 1 && b < 9);
+    for (int b = 0; b < blocks[std::size_t(r)]; ++b, ++folds)
+      for (int part = 0; part < kBlocksOfFold; ++part) {
+        e.block_held_out.push_back(any_held ? held[std::size_t(r)] : blocks[std::size_t(r)] == 2 ? b == 1 : b % 3 == 1 && b < 9);
+        e.block_fold.push_back(folds);
+      }
   }
   std::vector<std::size_t> seen(std::size_t(records), 0);
   for (const Track &t : e.tracks)
     for (std::size_t k = 0; k < t.row.size(); ++k) {
       auto r = std::size_t(t.record);
-      int b = int(seen[r] * std::size_t(blocks[r]) / std::max<std::size_t>(1, rows[r]));
-      e.block[t.first + k] = base[r] + std::min(b, blocks[r] - 1);
+      const int many = blocks[r] * kBlocksOfFold, b = int(seen[r] * std::size_t(many) / std::max<std::size_t>(1, rows[r]));
+      e.block[t.first + k] = base[r] + std::min(b, many - 1);
       ++seen[r];
     }
 }
@@ -326,6 +332,7 @@ Equation mechanical(const driveid_model &model, const std::vector<Source> &sourc
     const SignalQuality &q = sources[0].record->quality.at(roles.position);
     e.quantum = std::max(q.quantum, 6 * q.noise);
   }
+  e.input_noise = sources[0].record->quality.at(roles.input).noise;
   double width = choose_width(sources[0]);
   int step = row_step(sources, width), run = 0;
   for (int pass = 0; pass < 2; ++pass) {   // the second pass keeps rests where nearly nothing else is there
@@ -379,6 +386,14 @@ Equation mechanical(const driveid_model &model, const std::vector<Source> &sourc
   return e;
 }
 
+void note_current(Equation &e) {
+  e.current = stack(e, [](const Track &t, std::vector<double> &f) { f = t.current_raw; }, 0);
+  e.current_smooth = stack(e, [](const Track &t, std::vector<double> &f) {
+    f.resize(t.state.size());
+    for (std::size_t k = 0; k < f.size(); ++k) f[k] = t.state[k].current_A;
+  }, 0);
+}
+
 // Voltage balance of a DC winding: L di/dt + R i + K_e omega + losses = v.
 Equation dc_voltage(const driveid_model &model, const std::vector<Source> &sources, std::vector<Notice> &notices) {
   Equation e;
@@ -417,6 +432,7 @@ Equation dc_voltage(const driveid_model &model, const std::vector<Source> &sourc
   finish(e);
   if (e.rows < 60) return e;
   FineSignal current = [](const Track &t, std::vector<double> &f) { f = t.current_raw; };
+  note_current(e);
   add_base(e, model, "R_ohm", current, 0);
   add_base(e, model, "L_H", current, 1);
   if (!e.tracks[0].position.empty()) {
@@ -476,6 +492,7 @@ Equation dq_voltage(const driveid_model &model, const std::vector<Source> &sourc
   finish(e);
   if (e.rows < 60) return e;
   auto index = [&](const Track &t) { return std::size_t(&t - e.tracks.data()); };
+  note_current(e);
   FineSignal resistance = [&](const Track &t, std::vector<double> &f) { f = t.part ? iq[index(t)] : id[index(t)]; };
   add_base(e, model, "R_ohm", resistance, 0);
   // L_d: d rows L_d did/dt, q rows + w L_d i_d; L_q: d rows - w L_q i_q, q rows L_q diq/dt

@@ -141,7 +141,7 @@ std::vector<Candidate> make_candidates(const Equation &e) {
             for (double n = std::max(x.lo, is(c, "cogging") || is(c, "torque_ripple") ? 2.0 : 1.0); n <= std::min(s.hi, 150.0); n += 1) x.grid.push_back(n);
           } else {
             x.whole = false;
-            const double top = std::max(4.0, std::min(100.0, s.hi));   // fewer than three periods are a force over position, not cogging
+            const double top = std::max(4.0, std::min(400.0, s.hi));   // fewer than three periods are a force over position, not cogging
             for (double n = 3; n <= (s.hi < 20 ? 20.0 : top); n += 0.5) x.grid.push_back(kTwoPi * n / range);
             x.lo = x.grid.front();
             x.hi = x.grid.back();
@@ -167,9 +167,9 @@ std::vector<Candidate> make_candidates(const Equation &e) {
           }
           break;
         case DRIVEID_DIM_DRIVE:
-          x.lo = 1e-4 * r.drive;
+          x.lo = std::min(0.5 * r.drive, std::max(1e-4 * r.drive, is(c, "dead_zone") ? 0.5 * e.input_noise : 0.0));   // inside the input's noise nothing is seen
           x.hi = r.drive;
-          x.grid = linear(0.02 * r.drive, 0.9 * r.drive, 22);
+          x.grid = linear(std::max(x.lo, 0.02 * r.drive), 0.9 * r.drive, 22);
           break;
         default:
           x.grid = linear(s.lo, s.hi, info->shapes > 2 ? 3 : 5);
@@ -191,7 +191,7 @@ std::vector<Candidate> make_candidates(const Equation &e) {
       double hi = 0.35 * kTwoPi / r.dt, lo = kTwoPi * std::max(0.5, 4 / std::max(r.span, 1.0));
       hi = std::min(hi, kTwoPi * 1.2 / r.kernel_s * 2);
       axis(lo, hi, true, logarithmic(lo * 2, hi, 18));
-      axis(0.002, 0.6, true, {0.01, 0.05, 0.25});
+      axis(0.002, 0.25, true, {0.01, 0.05, 0.2});   // a spring rings: what does not is a filter of the position's noise
       c.columns = 1;
     } else if (is(c, "backlash")) {
       double hi = 0.35 * kTwoPi / r.dt;
@@ -328,7 +328,7 @@ static double dead_zone_noise(const Equation &e, double threshold, double inerti
     drive += e.noise_drive * d * d;
   }
   const double scale = kept / square;
-  return (motion + drive * passed / all / (scale * scale)) / std::max(1e-300, motion + drive);
+  return std::min(1.0, (motion + drive * passed / all / (scale * scale)) / std::max(1e-300, motion + drive));
 }
 
 double noise_ratio(const Equation &e, const Candidate &c, const std::vector<double> &shape, const Eigen::VectorXd &linear, double inertia, double damping) {
@@ -378,7 +378,7 @@ double noise_ratio(const Equation &e, const Candidate &c, const std::vector<doub
     without += e.noise_motion * r * r + e.noise_drive * d * d;
     with += e.noise_motion * (r + s) * (r + s) + e.noise_drive * d * d;
   }
-  return without > 0 ? with / without : 1;
+  return without > 0 ? std::min(1.0, with / without) : 1;   // a candidate that lets more noise through is not rewarded for it
 }
 
 Eigen::VectorXd spring_on_drive(const Equation &e, double inertia, double load, double w, double zeta) {
@@ -516,7 +516,9 @@ Equation thinned(const Equation &e, std::size_t wanted) {
   out.y.resize(Eigen::Index(rows));
   out.drive.resize(Eigen::Index(rows));
   out.base.resize(Eigen::Index(rows), e.base.cols());
+  if (e.current.size()) out.current.resize(Eigen::Index(rows)), out.current_smooth.resize(Eigen::Index(rows));
   out.block.resize(rows);
+  if (!e.mask.empty()) out.mask.resize(rows);
   out.weight.assign(rows, 1.0);
   rows = 0;
   for (Track &t : out.tracks) {
@@ -524,7 +526,8 @@ Equation thinned(const Equation &e, std::size_t wanted) {
     out.y.segment(to, n) = e.y.segment(from, n);
     out.drive.segment(to, n) = e.drive.segment(from, n);
     out.base.middleRows(to, n) = e.base.middleRows(from, n);
-    for (Eigen::Index k = 0; k < n; ++k) out.block[std::size_t(to + k)] = e.block[std::size_t(from + k)], out.weight[std::size_t(to + k)] = k < Eigen::Index(e.ar.size()) ? 0.0 : e.weight[std::size_t(from + k)];
+    if (e.current.size()) out.current.segment(to, n) = e.current.segment(from, n), out.current_smooth.segment(to, n) = e.current_smooth.segment(from, n);
+    for (Eigen::Index k = 0; k < n; ++k) out.block[std::size_t(to + k)] = e.block[std::size_t(from + k)], (e.mask.empty() ? void() : void(out.mask[std::size_t(to + k)] = e.mask[std::size_t(from + k)])), out.weight[std::size_t(to + k)] = k < Eigen::Index(e.ar.size()) ? 0.0 : e.weight[std::size_t(from + k)];
     t.first = rows;
     rows += t.row.size();
   }

@@ -5,17 +5,19 @@
 #include <cmath>
 #include <cstring>
 
+#include "diagnose/evidence.hpp"
+
 namespace driveid::diagnose {
 namespace {
 
 constexpr double kWorthMin = 14;        // log-likelihood beyond cost that an effect must bring
 constexpr double kRelativeMin = 0.003;  // and the share of the squared error
-constexpr double kBlocksT = 2.0;        // and over blocks
+constexpr double kEvidenceMin = 2.5;    // and over blocks: not in one place only
 constexpr double kNearlyAll = 0.01;     // what a simpler law may leave of what the best one takes
 constexpr double kFurtherMin = 0.002;   // of what the accepted effects took: every law is an idealisation to a few per cent (squared here)
 
 bool acceptable(const Option &o) {
-  return o.possible && o.worth() > kWorthMin && o.relative > kRelativeMin && o.relative_raw > kRelativeMin && (o.t > kBlocksT || o.improved >= 0.75 || (o.worth() > 60 && o.t > 1.0 && o.improved >= 0.5)) && o.held_gain > 0;
+  return o.possible && o.gain > 0 && o.worth() > kWorthMin && o.relative > kRelativeMin && o.relative_raw > kRelativeMin && o.evidence > kEvidenceMin && o.held_gain > 0;
 }
 
 int complexity(const Search &s, const Option &o) {
@@ -32,8 +34,11 @@ int pick(const Search &s, const std::vector<Option> &options) {
   const Option &top = options[std::size_t(best)];
   double tolerance = std::max(4.0, 0.01 * top.gain);
   int chosen = best;
+  auto as_good = [&](const Option &o) {   // within the tolerance, or a little more where the blocks do not decide
+    return o.worth() > top.worth() - tolerance || (o.worth() > top.worth() - 3 * tolerance && evidence(o.sse, top.sse) < kEvidenceMin);
+  };
   for (std::size_t k = 0; k < options.size(); ++k) {
-    if (!acceptable(options[k]) || options[k].worth() < top.worth() - tolerance) continue;
+    if (!acceptable(options[k]) || !as_good(options[k])) continue;
     int a = complexity(s, options[k]), b = complexity(s, options[std::size_t(chosen)]);
     if (a < b || (a == b && options[k].worth() > options[std::size_t(chosen)].worth())) chosen = int(k);
   }
@@ -139,11 +144,7 @@ Remainder beyond(const Search &search, const std::vector<Family> &families, cons
   }
   out.sse = current.total;
   out.gain = 0.5 * n * std::log(start.total / std::max(current.total, 1e-300)) - 2 * double(out.family.size());
-  double mean = 0, square = 0, blocks = double(start.sse.size());
-  for (std::size_t b = 0; b < start.sse.size(); ++b) mean += (start.sse[b] - current.sse[b]) / blocks;
-  for (std::size_t b = 0; b < start.sse.size(); ++b) square += std::pow(start.sse[b] - current.sse[b] - mean, 2) / std::max(1.0, blocks - 1);
-  out.t = mean / std::sqrt(square / blocks + 1e-300);
-  for (std::size_t b = 0; b < start.sse.size(); ++b) out.improved += (current.sse[b] < start.sse[b]) / blocks;
+  out.evidence = evidence(start.sse, current.sse);
   return out;
 }
 
@@ -295,7 +296,7 @@ Analysis analyse(Equation equation, const driveid_model &model, const Settings &
   double left = a.removable > 0 ? (a.after.score.total - floor_sse) / a.removable : 0;
   // Noise of the current on both sides of a voltage equation looks like a curved resistance: more is asked there.
   const bool electrical = search.equation().electrical;
-  bool more = a.remainder.gain > 40 && (a.remainder.t > 2.5 || a.remainder.improved >= 0.75) && (a.after.score.total - a.remainder.sse) / a.after.score.total > (electrical ? 0.12 : 0.03);
+  bool more = a.remainder.gain > 40 && a.remainder.evidence > 3 && (a.after.score.total - a.remainder.sse) / a.after.score.total > (electrical ? 0.12 : 0.03);
   a.unknown = more && (a.found.empty() || left > 0.35);
   if (settings.tick) settings.tick(1.0);
   return a;

@@ -13,7 +13,7 @@ namespace driveid::diagnose {
 struct Remainder {                  // what general regressors find beyond a set of members
   double sse = 0;                   // cross-validated, with them
   double gain = 0;                  // log-likelihood, net of their cost
-  double t = 0, improved = 0;       // paired over blocks; share of the blocks that get better
+  double evidence = 0;              // over blocks
   std::vector<int> family;          // in the order found
   std::vector<double> family_gain;
 };

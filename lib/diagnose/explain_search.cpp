@@ -7,6 +7,8 @@
 #include <map>
 #include <thread>
 
+#include "diagnose/evidence.hpp"
+
 namespace driveid::diagnose {
 namespace {
 
@@ -16,20 +18,6 @@ void put_beside(Eigen::MatrixXd &a, const Eigen::MatrixXd &b) {
   if (b.cols() == 0) return;
   a.conservativeResize(b.rows(), a.cols() + b.cols());
   a.rightCols(b.cols()) = b;
-}
-
-double improved(const std::vector<double> &before, const std::vector<double> &after) {
-  double better = 0;
-  for (std::size_t b = 0; b < before.size(); ++b) better += after[b] < before[b];
-  return before.empty() ? 0 : better / double(before.size());
-}
-
-double paired_t(const std::vector<double> &before, const std::vector<double> &after) {
-  double mean = 0, square = 0;
-  const double n = double(before.size());
-  for (std::size_t b = 0; b < before.size(); ++b) mean += (before[b] - after[b]) / n;
-  for (std::size_t b = 0; b < before.size(); ++b) square += std::pow(before[b] - after[b] - mean, 2) / std::max(1.0, n - 1);
-  return mean / std::sqrt(square / n + 1e-300);
 }
 
 }  // namespace
@@ -210,8 +198,7 @@ Option Search::judged(int index, const Context &context, const std::vector<doubl
   o.gain = 0.5 * rows_ * std::log(against.total / std::max(score.total, 1e-300));
   o.relative = 1 - score.total / against.total;
   o.held_gain = score.held_rows > 0 ? 0.5 * score.held_rows * std::log(against.held / std::max(score.held, 1e-300)) : 0;
-  o.t = paired_t(against.sse, score.sse);
-  o.improved = improved(against.sse, score.sse);
+  o.evidence = evidence(against.sse, score.sse);
   o.relative_raw = 1 - o.raw / std::max(context.raw, 1e-300);
   if (c.name == "compliance" && t.column.cols() && shape[1] > 0.2) {   // a filter of noise does not ring
     Eigen::VectorXd p = gram.solve(all, {}, false);
@@ -327,8 +314,7 @@ std::vector<Option> Search::offer(const std::vector<Member> &members, const std:
           }
           o.gain = 0.5 * rows_ * std::log(against.total / std::max(o.total, 1e-300));
           o.relative = 1 - o.total / against.total;
-          o.t = paired_t(against.sse, o.sse);
-          o.improved = improved(against.sse, o.sse);
+          o.evidence = evidence(against.sse, o.sse);
           o.relative_raw = 1 - o.raw / std::max(raw_before, 1e-300);
         }
         out[k] = o;

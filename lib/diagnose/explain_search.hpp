@@ -26,8 +26,7 @@ struct Option {
   double gain = 0;            // log-likelihood gained on unseen blocks, against the set it was offered to
   double cost = 0;            // what that gain must pay for: columns, shapes, places looked at
   double relative = 0;        // share of the squared error that goes
-  double t = 0;               // paired over blocks
-  double improved = 0;        // share of the blocks that get better
+  double evidence = 0;        // over blocks (evidence.hpp)
   double check = -1;          // spring: share of the error left when it is seen from the drive; negative: not asked
   double unchecked = 0;       // total before that
   double relative_raw = 0;    // the same share before whitening: what a user sees fall

@@ -176,7 +176,9 @@ void electrical_families(const Equation &e, std::vector<Family> &out) {
   Value speed = [](const driveid_effect_state &s) { return s.speed; }, time = [](const driveid_effect_state &s) { return s.t_s; };
   Value heated = [](const driveid_effect_state &s) { return s.has_temperature ? s.T_degC * s.current_A : 0; };
   auto add = [&](const char *name, std::vector<std::string> coordinates, std::vector<std::string> catalogue, Eigen::MatrixXd column) {
-    if (column.cols()) out.push_back({name, std::move(coordinates), std::move(catalogue), std::move(column)});
+    if (column.cols() == 0) return;
+    same_current(e, column);
+    out.push_back({name, std::move(coordinates), std::move(catalogue), std::move(column)});
   };
   std::vector<double> ki = knots(e, current, 11), kw = knots(e, speed, 9), kt = knots(e, time, 7);
   add("current", {"i_A"}, {"dead_time_voltage", "current_offset"}, beside(beside(one_column(e, one), one_column(e, sign)), product_columns(e, one, current, ki)));
@@ -235,7 +237,7 @@ std::vector<Family> make_families(const Equation &e) {
   return out;
 }
 
-BlockGram::BlockGram(const Equation &e, const Eigen::MatrixXd &x, const Eigen::VectorXd &y) : held_(e.block_held_out) {
+BlockGram::BlockGram(const Equation &e, const Eigen::MatrixXd &x, const Eigen::VectorXd &y) : fold_(e.block_fold), held_(e.block_held_out) {
   const std::size_t blocks = e.block_held_out.size();
   const Eigen::Index n = x.cols();
   gram_.assign(blocks, Eigen::MatrixXd::Zero(n, n));
@@ -262,10 +264,14 @@ BlockGram::BlockGram(const Equation &e, const Eigen::MatrixXd &x, const Eigen::V
     all_ += gram_[k];
     all_xy_ += xy_[k];
     if (!held_[k]) training_ += gram_[k], training_xy_ += xy_[k];
+    const std::size_t f = std::size_t(fold_[k]);
+    if (f >= fold_gram_.size()) fold_gram_.resize(f + 1, Eigen::MatrixXd::Zero(n, n)), fold_xy_.resize(f + 1, Eigen::VectorXd::Zero(n));
+    fold_gram_[f] += gram_[k];
+    fold_xy_[f] += xy_[k];
   }
 }
 
-Eigen::VectorXd BlockGram::solve_without(const std::vector<int> &columns, const std::vector<double> &ridge, int without, bool training_only) const {
+Eigen::VectorXd BlockGram::solve_without(const std::vector<int> &columns, const std::vector<double> &ridge, int fold, bool training_only) const {
   const Eigen::Index m = Eigen::Index(columns.size());
   Eigen::MatrixXd g(m, m);
   Eigen::VectorXd r(m);
@@ -273,8 +279,8 @@ Eigen::VectorXd BlockGram::solve_without(const std::vector<int> &columns, const 
   const Eigen::VectorXd &sxy = training_only ? training_xy_ : all_xy_;
   for (Eigen::Index i = 0; i < m; ++i) {
     int ci = columns[std::size_t(i)];
-    r[i] = sxy[ci] - (without >= 0 ? xy_[std::size_t(without)][ci] : 0);
-    for (Eigen::Index j = 0; j < m; ++j) g(i, j) = source(ci, columns[std::size_t(j)]) - (without >= 0 ? gram_[std::size_t(without)](ci, columns[std::size_t(j)]) : 0);
+    r[i] = sxy[ci] - (fold >= 0 ? fold_xy_[std::size_t(fold)][ci] : 0);
+    for (Eigen::Index j = 0; j < m; ++j) g(i, j) = source(ci, columns[std::size_t(j)]) - (fold >= 0 ? fold_gram_[std::size_t(fold)](ci, columns[std::size_t(j)]) : 0);
   }
   Eigen::VectorXd d(m);
   for (Eigen::Index i = 0; i < m; ++i) d[i] = 1 / std::sqrt(std::max(all_(columns[std::size_t(i)], columns[std::size_t(i)]), 1e-300));
@@ -298,12 +304,14 @@ double BlockGram::block_sse(int block, const std::vector<int> &columns, const Ei
 BlockGram::Score BlockGram::cross_validate(const std::vector<int> &columns, const std::vector<double> &ridge) const {
   Score score;
   score.rows = rows_;
+  Eigen::VectorXd p;
   for (std::size_t b = 0; b < gram_.size(); ++b) {
-    double s = block_sse(int(b), columns, solve_without(columns, ridge, int(b), false));
+    if (b == 0 || fold_[b] != fold_[b - 1]) p = solve_without(columns, ridge, fold_[b], false);
+    double s = block_sse(int(b), columns, p);
     score.sse.push_back(s);
     score.total += s;
   }
-  Eigen::VectorXd p = solve_without(columns, ridge, -1, true);
+  p = solve_without(columns, ridge, -1, true);
   for (std::size_t b = 0; b < gram_.size(); ++b)
     if (held_[b]) score.held += block_sse(int(b), columns, p), score.held_rows += rows_[b];
   return score;
@@ -347,6 +355,12 @@ Floor find_floor(Equation &e, const std::vector<Family> &families) {
     f.flexible = x.rightCols(columns - e.base.cols()) * p.tail(columns - e.base.cols());
     Eigen::VectorXd residual = e.y - x * p;
     f.hi = std::sqrt(residual.squaredNorm() / double(e.rows));
+    if (pass == 1) {
+      mask_outliers(e, residual);
+      if (!e.mask.empty())
+        for (Eigen::Index k = 0; k < residual.size(); ++k)
+          if (e.mask[std::size_t(k)]) residual[k] = 0;
+    }
     if (pass < 2) fit_whitening(e, residual, kArOrder);
     if (pass == 2) split_noise(e, residual, p);
   }

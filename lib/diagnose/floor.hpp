@@ -20,7 +20,7 @@ class BlockGram {
  public:
   BlockGram(const Equation &equation, const Eigen::MatrixXd &whitened, const Eigen::VectorXd &whitened_y);
   struct Score {
-    std::vector<double> sse, rows;     // by block, each predicted from all the others
+    std::vector<double> sse, rows;     // by block, each predicted from the other folds
     double total = 0, held = 0;        // over all blocks; over the held-out blocks, predicted from the training blocks alone
     double held_rows = 0;
   };
@@ -29,10 +29,11 @@ class BlockGram {
   Eigen::VectorXd solve(const std::vector<int> &columns, const std::vector<double> &ridge, bool training_only) const;
 
  private:
-  Eigen::VectorXd solve_without(const std::vector<int> &columns, const std::vector<double> &ridge, int without, bool training_only) const;
+  Eigen::VectorXd solve_without(const std::vector<int> &columns, const std::vector<double> &ridge, int fold, bool training_only) const;
   double block_sse(int block, const std::vector<int> &columns, const Eigen::VectorXd &p) const;
-  std::vector<Eigen::MatrixXd> gram_;
-  std::vector<Eigen::VectorXd> xy_;
+  std::vector<Eigen::MatrixXd> gram_, fold_gram_;
+  std::vector<Eigen::VectorXd> xy_, fold_xy_;
+  std::vector<int> fold_;
   std::vector<double> yy_, rows_;
   std::vector<unsigned char> held_;
   Eigen::MatrixXd all_, training_;

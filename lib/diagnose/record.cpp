@@ -123,6 +123,30 @@ void unwrap(std::vector<double> &x, const std::string &name, std::vector<Notice>
   if (wraps) notices.push_back({"unwrapped", name + text(" wraps at %.6g; unwrapped %.0f times", period, double(wraps)), ""});
 }
 
+// One wrong sample on a moving signal: it departs from the cubic through its neighbours, and all around nothing comes near that.
+// What happens often is the drive's own (impacts, quantisation) and is left alone.
+std::size_t mend_lone_samples(std::vector<double> &x, double scale) {
+  const std::size_t n = x.size(), reach = 13, near = 3;
+  std::vector<double> departure(n, 0.0);
+  for (std::size_t k = 2; k + 2 < n; ++k) {
+    const double d = x[k] - (4 * (x[k - 1] + x[k + 1]) - x[k - 2] - x[k + 2]) / 6;
+    if (std::isfinite(d)) departure[k] = std::fabs(d);
+  }
+  std::vector<std::size_t> found;
+  for (std::size_t k = 2; k + 2 < n; ++k) {
+    if (departure[k] < 8 * scale || departure[k] < departure[k - 1] || departure[k] < departure[k + 1]) continue;
+    const double left = x[k] - x[k - 1], right = x[k] - x[k + 1];
+    if (left * right <= 0 || std::min(std::fabs(left), std::fabs(right)) < 0.5 * departure[k]) continue;
+    double around = 0;
+    for (std::size_t j = k > reach ? k - reach : 0; j < std::min(n, k + reach + 1); ++j)
+      if (j + near <= k || j >= k + near) around = std::max(around, departure[j]);
+    if (departure[k] > 6 * around) found.push_back(k);
+  }
+  if (found.size() > 12 && found.size() * 1000 > n) return 0;
+  for (std::size_t k : found) x[k] = (4 * (x[k - 1] + x[k + 1]) - x[k - 2] - x[k + 2]) / 6;
+  return found.size();
+}
+
 // Isolated spikes far outside the range of their neighbourhood become the mean of their neighbours.
 void mend_glitches(std::vector<double> &x, const std::string &name, std::vector<Notice> &notices) {
   const std::size_t n = x.size();
@@ -138,7 +162,7 @@ void mend_glitches(std::vector<double> &x, const std::string &name, std::vector<
     scale = median_of(moving);
   }
   if (scale <= 0) return;
-  std::size_t mended = 0;
+  std::size_t mended = mend_lone_samples(x, scale);
   for (std::size_t k = 1; k + 1 < n; ++k) {
     for (std::size_t width = 1; width <= 2 && k + width < n; ++width) {
       double left = x[k - 1], right = x[k + width];

@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "diagnose/evidence.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace driveid::diagnose {
+
+double evidence(const std::vector<double> &before, const std::vector<double> &after) {
+  std::vector<double> change;
+  for (std::size_t b = 0; b < before.size(); ++b)
+    if (before[b] != after[b]) change.push_back(before[b] - after[b]);
+  if (change.size() < 4) return 0;
+  std::sort(change.begin(), change.end(), [](double a, double b) { return std::fabs(a) < std::fabs(b); });
+  double sum = 0, square = 0;
+  for (std::size_t k = 0; k < change.size(); ++k) {
+    const double rank = double(k + 1);
+    sum += change[k] > 0 ? rank : -rank;
+    square += rank * rank;
+  }
+  return sum / std::sqrt(square);
+}
+
+}  // namespace driveid::diagnose
