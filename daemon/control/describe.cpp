@@ -32,10 +32,20 @@ void parameters(JsonOut& o, const Drive& d, int64_t now_ns) {
 }
 
 void residual(JsonOut& o, const Drive& d) {
-    o.key("residual").open('{').field("rms", d.estimate().residual_rms).field("unit", d.residual_unit()).field("alarm", d.alarm());
+    o.key("residual").open('{').field("rms", d.residual_rms()).field("unit", d.residual_unit()).field("alarm", d.alarm());
     o.key("since_ns");
     d.alarm() ? o.integer(d.alarm_since_ns()) : o.null();
-    o.key("regime").null().key("likely_effect").null().close('}');
+    const driveid_watch_report* w = d.watch();
+    o.key("usual_rms");
+    w && w->ready ? o.number(w->usual_rms) : o.null();
+    if (w && w->mismatch) {
+        o.field("regime", driveid_watch_regime_name(w->regime)).field("likely_effect", w->effect).key("order");
+        w->order > 0 ? o.number(w->order) : o.null();
+        o.field("share", w->share);
+    } else {
+        o.key("regime").null().key("likely_effect").null().key("order").null().key("share").null();
+    }
+    o.close('}');
 }
 
 long memory_kB() {

@@ -36,6 +36,7 @@ bool Drive::same_model(const Drive& o) const {
 void Drive::take(const Drive& o) {
     online_ = o.online_;
     estimator_ = o.estimator_;
+    watch_ = o.watch_;
     estimate_ = o.estimate_;
     status_ = o.status_;
     parameters_ = o.parameters_;
@@ -47,11 +48,12 @@ void Drive::take(const Drive& o) {
     counters_ = o.counters_;
     first_ns_ = o.first_ns_, last_ns_ = o.last_ns_, next_report_ns_ = o.next_report_ns_, first_after_restart_ns_ = o.first_after_restart_ns_;
     mean_dt_s_ = o.mean_dt_s_, jitter_ns_ = o.jitter_ns_, first_trusted_s_ = o.first_trusted_s_;
-    restarts_seen_ = o.restarts_seen_, alarm_ = o.alarm_, alarm_since_ns_ = o.alarm_since_ns_;
+    restarts_seen_ = o.restarts_seen_, restarted_ = o.restarted_, alarm_ = o.alarm_, alarm_since_ns_ = o.alarm_since_ns_, likely_ = o.likely_;
 }
 
-// The residual is that of the first equation: torque, force or voltage balance.
+// With a watch the residual is that of the loaded model's torque or force balance, else the estimator's first equation.
 const char* Drive::residual_unit() const {
+    if (watch() && watch()->ready) return driveid_dimension_unit(DRIVEID_DIM_FORCE, driveid_model_frame(&online_.model), 'A');
     switch (online_.model.structure) {
         case DRIVEID_STRUCTURE_LINEAR_AXIS: return "N";
         case DRIVEID_STRUCTURE_DC_CIRCUIT:
@@ -61,6 +63,8 @@ const char* Drive::residual_unit() const {
         default: return "N m";
     }
 }
+
+double Drive::residual_rms() const { return watch() && watch()->ready ? watch()->rms : estimate_.residual_rms; }
 
 bool Drive::uses(int source) const {
     return std::any_of(can_.begin(), can_.end(), [&](auto& s) { return s.source == source; }) ||
@@ -171,6 +175,7 @@ void Drive::gap(int source, uint64_t lost) {
 void Drive::restart() {
     driveid_estimator_restart(estimator());
     online_ = fresh_online_;
+    make_watch();
     for (auto& s : can_) s.scaler.forget();
     for (auto& s : registers_) s.scaler.forget();
     aligner_.restart();
@@ -195,6 +200,7 @@ void Drive::sample(const driveid_sample& s) {
         log_event(Level::warning, config_.name.c_str(), "time-line", "", "stamps went back for good: a new time line begins");
         driveid_estimator_restart(estimator());
         online_ = fresh_online_;
+        make_watch();
         first_ns_ = next_report_ns_ = s.stamp.t_ns;
         mean_dt_s_ = jitter_ns_ = 0;
     } else {
@@ -202,6 +208,7 @@ void Drive::sample(const driveid_sample& s) {
     }
     last_ns_ = s.stamp.t_ns;
     listener_.on_sample(index_, s);
+    if (!watch_.empty()) driveid_watch_sample(watcher(), &s);
     const driveid_status filled = driveid_online_channels(&online_, &s, channel_);
     resting_ = filled == DRIVEID_FROZEN;  // the silence that the estimator then sees is no gap of the data
     if (filled == DRIVEID_ERR_VALUE) ++counters_.rejected;
@@ -223,6 +230,7 @@ void Drive::report() {
     const driveid_status status = driveid_estimator_estimate(estimator(), &e);
     const bool written = status == DRIVEID_OK || status == DRIVEID_WEAK_EXCITATION || status == DRIVEID_RANK || status == DRIVEID_FROZEN;
     status_ = resting_ && status >= 0 ? DRIVEID_FROZEN : status;
+    if (written && !watch_.empty()) driveid_watch_estimate(watcher(), &e, status);
     if (!written) {
         for (auto& p : parameters_) p.trusted = false;
     } else {
@@ -244,6 +252,7 @@ void Drive::report() {
             if (all && first_trusted_s_ < 0) first_trusted_s_ = double(e.t_ns - first_ns_) * 1e-9;
         }
     }
+    follow_watch();
     listener_.on_report(index_);
 }
 
@@ -251,12 +260,26 @@ void Drive::residual_alarm(const driveid_estimate& e) {
     if (e.restarts > restarts_seen_) {
         log_event(Level::warning, config_.name.c_str(), "residual", "explain the record: driveid explain", "the residual left its level: the drive changed, or the model lacks an effect");
         if (!alarm_) alarm_since_ns_ = e.t_ns;
-        alarm_ = true;
+        restarted_ = true;
         first_after_restart_ns_ = e.t_ns;
-    } else if (alarm_ && e.t_ns - first_after_restart_ns_ > kAlarmHoldNs) {
-        alarm_ = false;
+    } else if (restarted_ && e.t_ns - first_after_restart_ns_ > kAlarmHoldNs) {
+        restarted_ = false;
     }
     restarts_seen_ = e.restarts;
+}
+
+// One alarm: the loaded model does not explain the drive, or, where nothing watches yet, the estimator has restarted not long ago.
+void Drive::follow_watch() {
+    const driveid_watch_report* w = watch();
+    const bool mismatch = w && w->mismatch;
+    alarm_ = mismatch || (restarted_ && !(w && w->ready));
+    if (mismatch) alarm_since_ns_ = w->since_ns;
+    const char* effect = mismatch ? w->effect : nullptr;
+    if (effect && effect != likely_)
+        log_event(Level::warning, config_.name.c_str(), "model", "explain a record of it: driveid explain",
+                  "the model no longer explains this drive; likely effect: %s; most of it %s", effect, driveid_watch_regime_name(w->regime));
+    if (!mismatch && likely_) log_event(Level::info, config_.name.c_str(), "model", "", "the model explains this drive again");
+    likely_ = effect;
 }
 
 DriveState Drive::state(int64_t now_ns) const {

@@ -8,6 +8,7 @@
 
 #include <driveid/estimate.h>
 #include <driveid/model.h>
+#include <driveid/watch.h>
 
 #include "config/config.hpp"
 #include "drive/align.hpp"
@@ -79,6 +80,9 @@ public:
     bool alarm() const { return alarm_; }
     int index() const { return index_; }
     const char* residual_unit() const;
+    double residual_rms() const;
+    // What the loaded model says of the drive; null where nothing watches.
+    const driveid_watch_report* watch() const { return watch_.empty() ? nullptr : driveid_watch_answer(watcher()); }
     const char* structure() const { return driveid_structure_name(online_.model.structure); }
 
 private:
@@ -94,7 +98,11 @@ private:
     void timing(int64_t t_ns);
     void report();
     void residual_alarm(const driveid_estimate& e);
+    void make_watch();
+    void follow_watch();
     driveid_estimator* estimator() { return reinterpret_cast<driveid_estimator*>(estimator_.data()); }
+    driveid_watch* watcher() { return reinterpret_cast<driveid_watch*>(watch_.data()); }
+    const driveid_watch* watcher() const { return reinterpret_cast<const driveid_watch*>(watch_.data()); }
     const driveid_estimator* estimator() const { return reinterpret_cast<const driveid_estimator*>(estimator_.data()); }
 
     DriveConfig config_;
@@ -102,7 +110,7 @@ private:
     DriveListener& listener_;
     driveid_model model_{};
     driveid_online online_{}, fresh_online_{};   // fresh: as configured, without memory of samples
-    std::vector<std::max_align_t> estimator_;
+    std::vector<std::max_align_t> estimator_, watch_;
     driveid_estimate estimate_{};
     driveid_status status_ = DRIVEID_NOT_YET;
     std::vector<ParameterReport> parameters_;
@@ -121,8 +129,9 @@ private:
     int64_t first_ns_ = 0, last_ns_ = 0, next_report_ns_ = 0, first_after_restart_ns_ = 0;
     double mean_dt_s_ = 0, jitter_ns_ = 0, first_trusted_s_ = -1;
     uint32_t restarts_seen_ = 0;
-    bool alarm_ = false, resting_ = false, was_resting_ = false;
+    bool restarted_ = false, alarm_ = false, resting_ = false, was_resting_ = false;
     int64_t alarm_since_ns_ = 0;
+    const char* likely_ = nullptr;   // effect of the last announcement
     double channel_[DRIVEID_CHANNELS_MAX]{};
 };
 

@@ -118,11 +118,19 @@ void Drive::make_estimator(uint32_t present) {
     options.alarm = config_.alarm;
     s = driveid_estimator_configure(estimator(), size, config_.method.c_str(), type, &online_.regression, &options, reason, sizeof reason);
     if (s != DRIVEID_OK) throw std::runtime_error(clean(reason, s));
+    make_watch();
     parameters_.resize(online_.physical);
     for (size_t k = 0; k < parameters_.size(); ++k) {
         snprintf(parameters_[k].name, sizeof parameters_[k].name, "%s", online_.physical_name[k]);
         snprintf(parameters_[k].unit, sizeof parameters_[k].unit, "%s", online_.physical_unit[k]);
     }
+}
+
+// The loaded model beside the drive; a structure without a torque or force balance has nothing to watch. Storage is kept over restarts.
+void Drive::make_watch() {
+    if (!config_.watch || online_.mechanical < 0) return;
+    watch_.resize((driveid_watch_size() + sizeof(std::max_align_t) - 1) / sizeof(std::max_align_t));
+    if (driveid_watch_init(watcher(), &fresh_online_, config_.dt_s) != DRIVEID_OK) watch_.clear();
 }
 
 }  // namespace gw

@@ -38,7 +38,7 @@ static int channel_of(build *b, uint8_t kind, driveid_signal first, driveid_sign
         return 0;
     }
     b->online->filler[r->channels] = (driveid_online_channel){kind, (uint8_t)first, (uint8_t)second};
-    if (kind == ONLINE_SIGNAL || kind == ONLINE_PRODUCT || kind == ONLINE_SPEED_TIMES) b->online->present |= UINT32_C(1) << first;
+    if (kind == ONLINE_SIGNAL || kind == ONLINE_PRODUCT || kind == ONLINE_SPEED_TIMES || kind == ONLINE_DELAYED) b->online->present |= UINT32_C(1) << first;
     if (kind == ONLINE_PRODUCT) b->online->present |= UINT32_C(1) << second;
     r->hold[r->channels] = kind == ONLINE_SIGN ? DRIVEID_HOLD_AVERAGE : DRIVEID_HOLD_FIRST;
     return r->channels++;
@@ -111,17 +111,47 @@ static void need_speed(build *b, driveid_signal s, int derivative) {
     b->online->delayed = derivative > 0 ? DRIVEID_ONLINE_DELAY : 0;
 }
 
-/* Inertia, damping, and the effects that are linear terms, on the left of the mechanical equation. */
-static void mechanical_left(build *b, int equation, driveid_signal s, int speed_derivative) {
+/* A loss that depends on the direction is undetermined while the drive rests. */
+static int turns_at_rest(const driveid_effect_info *info) {
+    return !info || ((info->needs & DRIVEID_NEED_SPEED) && strcmp(info->name, "quadratic_drag") != 0);
+}
+
+static int is_electrical(const driveid_effect_use *use) {
+    const driveid_effect_info *info = driveid_effect_find(use->name);
+    return info && !(info->domains & DRIVEID_EFFECT_MECHANICAL);
+}
+
+/* An effect that runs with the values of the model file. */
+static void known_effect(build *b, uint32_t k, int equation, int channel, driveid_signal s, int speed_derivative) {
+    driveid_online *o = b->online;
+    double value = 0;
+    char why[160];
+    switch (online_enter_effect(o, k, &value, why, sizeof why)) {
+    case ONLINE_PART_DELAY: o->delay_s += value; break;
+    case ONLINE_PART_INERTIA: known(b, equation, channel, speed_derivative + 1, value); break;
+    case ONLINE_PART_LOSS:
+        need_speed(b, s, speed_derivative);
+        o->rest_matters |= (uint8_t)turns_at_rest(driveid_effect_find(o->model.effect[k].name));
+        if (!(o->has_loss & 1)) known(b, equation, channel_of(b, ONLINE_LOSS, 0, 0), 0, 1);
+        o->has_loss |= 1;
+        break;
+    default: note_missing(b, why);
+    }
+}
+
+/* Inertia, damping, and the effects of the mechanical equation, on its left; the driving signal on its right. gain: its factor. */
+static void mechanical(build *b, int equation, driveid_signal s, int speed_derivative, driveid_signal drive, double gain) {
     static const char *const inertia[] = {"J_kgm2", "J_As2_rad", "J_Vs2_rad", "m_kg", "m_As2_m", NULL};
     static const char *const damping[] = {"B_Nms_rad", "B_As_rad", "B_Vs_rad", "b_Ns_m", "b_As_m", NULL};
     driveid_online *o = b->online;
     const int c = signal_channel(b, s);
+    o->mechanical = (int8_t)equation;
+    o->drive = (uint8_t)drive;
+    o->drive_gain = gain;
     term(b, equation, c, speed_derivative + 1, either(b, inertia), 0, 1);
     term(b, equation, c, speed_derivative, either(b, damping), 1, 1);
     for (uint32_t i = 0; i < o->model.effects; i++) {
         const driveid_effect_use *use = &o->model.effect[i];
-        char text[120];
         if (strcmp(use->name, "coulomb") == 0) {
             need_speed(b, s, speed_derivative);
             o->rest_matters = 1;
@@ -129,11 +159,16 @@ static void mechanical_left(build *b, int equation, driveid_signal s, int speed_
             term(b, equation, channel_of(b, ONLINE_SIGN, 0, 0), 0, &use->param[0], 1, 1);
         } else if (strcmp(use->name, "constant_load") == 0) {
             term(b, equation, channel_of(b, ONLINE_ONE, 0, 0), 0, &use->param[0], 1, 1);
-        } else {
-            snprintf(text, sizeof text, "effect %s is not estimated on line: fit it off-line from a record", use->name);
-            note_missing(b, text);
+        } else if (!is_electrical(use)) {
+            known_effect(b, i, equation, c, s, speed_derivative);
         }
     }
+}
+
+/* The driving signal of the mechanical equation, through the dead time where the model has one. */
+static int drive_channel(build *b) {
+    const driveid_signal s = (driveid_signal)b->online->drive;
+    return b->online->delay_s > 0 ? channel_of(b, ONLINE_DELAYED, s, s) : signal_channel(b, s);
 }
 
 static driveid_status refuse(char *reason, size_t size, const char *text) {
@@ -154,10 +189,25 @@ static driveid_status axis(build *b, int linear, char *reason, size_t size) {
         if (status) return status;
         note_missing(b, linear ? "m_kg, b_Ns_m: only per ampere; give K_F_N_A or record F_N" : "J_kgm2, B_Nms_rad: only per ampere; give K_t_Nm_A or record tau_Nm");
     }
-    mechanical_left(b, 0, s, speed);
-    if (has(b, direct)) known(b, 0, signal_channel(b, direct), 0, -1);
-    else known(b, 0, signal_channel(b, current), 0, gain ? -gain->value : -1);
+    const double per_drive = has(b, direct) || !gain ? 1 : gain->value;
+    mechanical(b, 0, s, speed, has(b, direct) ? direct : current, per_drive);
+    known(b, 0, drive_channel(b), 0, -per_drive);
     return DRIVEID_OK;
+}
+
+/* Effects of the voltage equation alone; dc_drive meets them again among those of its mechanical equation. */
+static void electrical_effects(build *b) {
+    driveid_online *o = b->online;
+    for (uint32_t i = 0; i < o->model.effects; i++) {
+        double value = 0;
+        char why[160];
+        if (!is_electrical(&o->model.effect[i])) continue;
+        const online_part part = online_enter_effect(o, i, &value, why, sizeof why);
+        if (part == ONLINE_PART_NONE) note_missing(b, why);
+        if (part != ONLINE_PART_LOSS) continue;
+        if (!(o->has_loss & 2)) known(b, 0, channel_of(b, ONLINE_LOSS, 1, 0), 0, 1);
+        o->has_loss |= 2;
+    }
 }
 
 static driveid_status circuit(build *b, char *reason, size_t size) {
@@ -170,6 +220,7 @@ static driveid_status circuit(build *b, char *reason, size_t size) {
     if (speed >= 0) term(b, 0, signal_channel(b, s), speed, named(b, "K_e_Vs_rad"), 1, 1);
     else note_missing(b, "K_e_Vs_rad: record omega_rad_s or theta_rad (without it the drive must stand still)");
     known(b, 0, signal_channel(b, DRIVEID_SIGNAL_V_V), 0, -1);
+    electrical_effects(b);
     b->online->regression.bandwidth_rad_s = 300;
     b->online->regression.model_error = CIRCUIT_ERROR;
     return DRIVEID_OK;
@@ -180,8 +231,8 @@ static driveid_status lumped(build *b, driveid_signal s, int speed, char *reason
     const driveid_status status = driveid_model_set_frame(&b->online->model, DRIVEID_FRAME_VOLT, reason, size);
     if (status) return status;
     note_missing(b, "R_ohm, L_H, K_e_Vs_rad, J_kgm2, B_Nms_rad: without current only the voltage-to-speed model; record i_A");
-    mechanical_left(b, 0, s, speed);
-    known(b, 0, signal_channel(b, DRIVEID_SIGNAL_V_V), 0, -1);
+    mechanical(b, 0, s, speed, DRIVEID_SIGNAL_V_V, 1);
+    known(b, 0, drive_channel(b), 0, -1);
     return DRIVEID_OK;
 }
 
@@ -199,9 +250,10 @@ static driveid_status dc_drive(build *b, char *reason, size_t size) {
     }
     const driveid_status status = circuit(b, reason, size);
     if (status) return status;
-    mechanical_left(b, 1, s, speed);
-    if (has(b, DRIVEID_SIGNAL_TAU_NM)) known(b, 1, signal_channel(b, DRIVEID_SIGNAL_TAU_NM), 0, -1);
-    else known(b, 1, signal_channel(b, DRIVEID_SIGNAL_I_A), 0, gain ? -gain->value : -1);
+    const int torque = has(b, DRIVEID_SIGNAL_TAU_NM);
+    const double per_drive = torque || !gain ? 1 : gain->value;
+    mechanical(b, 1, s, speed, torque ? DRIVEID_SIGNAL_TAU_NM : DRIVEID_SIGNAL_I_A, per_drive);
+    known(b, 1, drive_channel(b), 0, -per_drive);
     return DRIVEID_OK;
 }
 
@@ -229,8 +281,8 @@ static driveid_status pmsm(build *b, char *reason, size_t size) {
     term(b, 1, turn, speed, psi, 0, p);
     known(b, 1, signal_channel(b, DRIVEID_SIGNAL_V_Q_V), 0, -1);
     const int reluctance = channel_of(b, ONLINE_PRODUCT, DRIVEID_SIGNAL_I_D_A, DRIVEID_SIGNAL_I_Q_A);
-    mechanical_left(b, 2, s, speed);
-    term(b, 2, i_q, 0, psi, 0, -1.5 * p);
+    mechanical(b, 2, s, speed, DRIVEID_SIGNAL_I_Q_A, driveid_model_gain(&b->online->model));
+    term(b, 2, drive_channel(b), 0, psi, 0, -1.5 * p);
     term(b, 2, reluctance, 0, l_d, 0, -1.5 * p);
     term(b, 2, reluctance, 0, l_q, 0, 1.5 * p);
     b->online->regression.bandwidth_rad_s = 200;
@@ -269,6 +321,7 @@ driveid_status driveid_online_init(driveid_online *online, const driveid_model *
     if (!online || !model) return DRIVEID_ERR_ARGUMENT;
     memset(online, 0, sizeof *online);
     online->model = *model;
+    online->mechanical = -1;
     build b = {online, signals, 0};
     const driveid_status status = build_structure(&b, reason, reason_size);
     if (status) return status;

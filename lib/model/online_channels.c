@@ -12,9 +12,9 @@ driveid_status driveid_online_hold(driveid_online *online, driveid_signal signal
     driveid_status status = DRIVEID_ERR_ARGUMENT;
     for (unsigned c = 0; c < online->regression.channels; c++) {
         const driveid_online_channel *f = &online->filler[c];
-        const int uses = (f->kind == ONLINE_SIGNAL || f->kind == ONLINE_SPEED_TIMES) && f->a == signal;
+        const int uses = (f->kind == ONLINE_SIGNAL || f->kind == ONLINE_SPEED_TIMES || f->kind == ONLINE_DELAYED) && f->a == signal;
         if (!uses) continue;
-        if (f->kind == ONLINE_SIGNAL) online->regression.hold[c] = (uint8_t)hold;
+        if (f->kind != ONLINE_SPEED_TIMES) online->regression.hold[c] = (uint8_t)hold;
         status = DRIVEID_OK;
     }
     return status;
@@ -62,20 +62,23 @@ static driveid_status push(driveid_online *o, const driveid_sample *sample) {
     }
     if (o->ring_fill > 1) {
         const int64_t usual = o->ring[0].stamp.t_ns - o->ring[1].stamp.t_ns;
-        if (dt > 5 * usual) o->ring_fill = 0; /* no line through a gap */
+        if (dt > 5 * usual) o->ring_fill = o->past_fill = 0; /* no line through a gap */
     }
     memmove(o->ring + 1, o->ring, (DRIVEID_ONLINE_RING - 1) * sizeof o->ring[0]);
     o->ring[0] = *sample;
     if (o->ring_fill < DRIVEID_ONLINE_RING) o->ring_fill++;
+    if (o->delay_s > 0) online_remember(o, sample);
     return o->ring_fill < (o->delayed ? DRIVEID_ONLINE_RING : 1) ? DRIVEID_NOT_YET : DRIVEID_OK;
 }
 
-static double fill(const driveid_online *o, const driveid_sample *sample, const driveid_online_channel *f) {
+static double fill(driveid_online *o, const driveid_sample *sample, const driveid_online_channel *f) {
     switch (f->kind) {
     case ONLINE_SIGNAL: return sample->value[f->a];
     case ONLINE_PRODUCT: return sample->value[f->a] * sample->value[f->b];
     case ONLINE_SPEED_TIMES: return o->speed * sample->value[f->a];
     case ONLINE_SIGN: return mean_sign(o->last_speed, o->speed);
+    case ONLINE_LOSS: return online_losses(o, sample, f->a);
+    case ONLINE_DELAYED: return online_delayed(o, sample->stamp.t_ns);
     default: return 1;
     }
 }

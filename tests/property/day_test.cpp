@@ -12,23 +12,9 @@
 
 namespace {
 
+using plants::Program;
 using plants::Rng;
 constexpr double dt = 4e-3, hours = 8;
-
-// Position loop over minimum-jerk moves of random length with rests between them; the torque that it asks for is what the record holds.
-struct Program {
-    Rng &g;
-    double from = 0, to = 0, start = 0, length = 1, rest = 1;
-    double target(double t) {
-        if (t > start + length + rest) {
-            from = to, to = plants::uniform(g, -20, 20), start = t, length = plants::uniform(g, 0.4, 1.5);
-            const double u = plants::uniform(g, 0, 1);
-            rest = u < 0.7 ? plants::uniform(g, 0.05, 1) : u < 0.97 ? plants::uniform(g, 1, 10) : plants::uniform(g, 60, 400);
-        }
-        const double x = std::fmin(1, (t - start) / length);
-        return from + (to - from) * x * x * x * (10 - 15 * x + 6 * x * x);
-    }
-};
 
 TEST(WorkingDay, EveryChangeFoundNoFalseAlarm) {
     Rng g(20240607);

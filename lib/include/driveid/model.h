@@ -99,15 +99,29 @@ driveid_status driveid_model_add(driveid_model *model, const char *effect, const
 #define DRIVEID_ONLINE_DELAY 4        /* samples between a reading and its use where speed comes from the angle */
 #define DRIVEID_ONLINE_RING (2 * DRIVEID_ONLINE_DELAY + 1)
 
+#define DRIVEID_ONLINE_LOSSES 6       /* effects of the model that run with the values of its file */
+#define DRIVEID_ONLINE_PAST 64        /* readings behind a dead time */
+
+/* Private: an effect that runs with its values: shape and linear parameters, or an own formula. */
+typedef struct driveid_online_loss {
+    uint8_t effect;                   /* of the model */
+    uint8_t own;                      /* 1: a formula; its parameters stand in linear[] */
+    uint8_t electrical;
+    double shape[DRIVEID_EFFECT_SHAPES_MAX];
+    double linear[DRIVEID_FORMULA_PARAMS_MAX];
+    double memory[DRIVEID_EFFECT_MEMORY];
+} driveid_online_loss;
+
 /* Private: what fills a channel of the regression. */
 typedef struct driveid_online_channel {
-    uint8_t kind;                     /* signal, product of two, speed times signal, one, sign of speed */
+    uint8_t kind;                     /* signal, product of two, speed times signal, one, sign of speed, losses, delayed signal */
     uint8_t a, b;                     /* driveid_signal */
 } driveid_online_channel;
 
 /* A model made ready for an on-line estimator: the regression, how to fill its channels, and how to come back.
- * rigid_axis, linear_axis, dc_circuit, dc_drive, pmsm_drive and lti, with the effects coulomb and constant_load; parameters that the
- * model has as given are used, the others are estimated. Plain data: a copy is a snapshot. */
+ * rigid_axis, linear_axis, dc_circuit, dc_drive, pmsm_drive and lti. Parameters that the model has as given are used, the others are estimated, also
+ * those of the effects coulomb and constant_load. Other effects of the catalogue with columns, own formulas, delay and inertia_change run with
+ * the values that the model file has for them; what cannot run on line (two masses) is named in missing. Plain data: a copy is a snapshot. */
 typedef struct driveid_online {
     driveid_model model;
     driveid_regression regression;
@@ -117,7 +131,17 @@ typedef struct driveid_online {
     char physical_unit[DRIVEID_THETA_MAX][16];
     char missing[256];                                   /* parameters that cannot be had from these signals, and what to record; "" if none */
     int64_t t_ns;                                        /* stamp that belongs to the channels just filled: pass it to update */
+    int8_t mechanical;                                   /* equation of the torque or force balance, -1: none */
+    uint8_t drive;                                       /* driveid_signal that drives it */
+    double drive_gain;                                   /* torque or force per unit of it */
     /* private */
+    uint8_t losses, has_loss;                            /* has_loss: bit 0 mechanical, bit 1 electrical */
+    driveid_online_loss loss[DRIVEID_ONLINE_LOSSES];
+    driveid_formula formula;                             /* of the one own effect */
+    double delay_s;                                      /* of the driving signal */
+    double past[DRIVEID_ONLINE_PAST];                    /* its readings, newest at past_next */
+    int64_t past_ns[DRIVEID_ONLINE_PAST];
+    uint8_t past_next, past_fill;
     driveid_online_channel filler[DRIVEID_CHANNELS_MAX];
     uint8_t uses_speed, motion, delayed, rest_matters, ring_fill; /* motion: the signal that speed comes from */
     driveid_sample ring[DRIVEID_ONLINE_RING];            /* newest first */

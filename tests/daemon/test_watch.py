@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The loaded model beside a drive whose physics (tools/sim) shares no code with it: a change is named within 10 s of motion, none is invented."""
+import json
+import os
+import random
+import subprocess
+
+import pytest
+from gateway import DAEMON, ROOT, SLOW
+from test_restart import entries
+
+SIM = os.path.join(os.environ.get("DRIVEID_BUILD", ROOT / "build"), "tools/sim/driveid-sim")
+CHANGE_S, LENGTH_S = 40, 75
+CHANGES = {
+    "friction_drift": ["--friction-change-at", CHANGE_S, "--friction-factor", 1.3],
+    "inertia_change": ["--load-change-at", CHANGE_S, "--factor", 1.2],
+    "cogging": ["--effect", "cogging", "--effect-at", CHANGE_S, "--size", 0.5],     # 3 % of rated torque
+    "delay": ["--effect", "delay", "--effect-at", CHANGE_S, "--size", 1 / 3],       # 2 samples
+}
+
+
+def model_file(drive, luck):
+    """As a fit would leave it: each value off by half a percent."""
+    def entry(name, unit):
+        return f'value = {drive[name] * (1 + luck.choice([-0.005, 0.005]))!r}, unit = "{unit}", state = "free"'
+    return ('format = 1\nstructure = "rigid_axis"\n[parameters]\n'
+            f'J_kgm2 = {{ {entry("J_kgm2", "kg m^2")} }}\nB_Nms_rad = {{ {entry("B_Nms_rad", "N m s/rad")} }}\n'
+            f'K_t_Nm_A = {{ value = {drive["K_t_Nm_A"]!r}, unit = "N m/A", state = "given" }}\n'
+            f'[[effect]]\nname = "coulomb"\nparameters.tau_c_Nm = {{ {entry("tau_c_Nm", "N m")} }}\n')
+
+
+def motion(csv, rated_speed):
+    """(t, seconds of motion since the change) every 10 ms."""
+    rows = [tuple(map(float, line.split(",")[:3])) for line in csv.read_text().splitlines()[1::10]]
+    moved = 0.0
+    for (t, _, before), (_, _, after) in zip(rows, rows[1:]):
+        moved += 0.01 if t >= CHANGE_S and abs(after - before) > 0.02 * rated_speed * 0.01 else 0
+        yield t, moved
+
+
+def play(folder, seed, options, from_file=True):
+    """The daemon's residual over time: [(t, motion since the change, residual)]."""
+    subprocess.run([SIM, "run", "--bus", "log:frames.log", "--seed", str(seed), "--duration", str(LENGTH_S), "--known-coulomb", "--truth", "truth.json", "--config", "gw.toml",
+                    "--csv", "rows.csv", "--socket", folder / "gw.sock", *(["--model", "model.toml"] if from_file else []), *map(str, options)],
+                   cwd=folder, check=True, capture_output=True, timeout=120 * SLOW)
+    drive = json.loads((folder / "truth.json").read_text())["phases"][0]["drive"]
+    (folder / "model.toml").write_text(model_file(drive, random.Random(seed)))
+    text = (folder / "gw.toml").read_text().replace("speed = 1.0", "speed = 0.0").replace("[[source]]", '[record]\nfolder = "."\nfile = "out.drec"\n\n[[source]]', 1)
+    (folder / "gw.toml").write_text(text if from_file else text.replace("\nmethod =", '\neffects = ["coulomb"]\nmethod ='))
+    subprocess.run([DAEMON, "gw.toml", "--exit-at-end"], cwd=folder, check=True, capture_output=True, timeout=120 * SLOW)
+    estimates = [json.loads(payload) for kind, _, _, payload in entries(folder / "out.drec")[1] if kind == 6]
+    moved = list(motion(folder / "rows.csv", drive["rated"]["speed"]))
+    start_s = estimates[0]["t_ns"] * 1e-9 - moved[0][0]
+    return [(t := e["t_ns"] * 1e-9 - start_s, moved[min(len(moved) - 1, max(0, int((t - moved[0][0]) * 100)))][1], e["residual"]) for e in estimates]
+
+
+@pytest.mark.parametrize("seed", [3, 9])
+@pytest.mark.parametrize("effect", CHANGES)
+def test_a_change_is_named_within_ten_seconds_of_motion(tmp_path, seed, effect):
+    run = play(tmp_path, seed, CHANGES[effect])
+    early = [(t, r) for t, _, r in run if t < CHANGE_S and r["likely_effect"]]
+    assert not early, early[0]
+    t, moved, r = next((x for x in run if x[2]["likely_effect"] == effect), (None, None, run[-1][2]))
+    assert t is not None and moved <= 10, (t, moved, r)
+    assert r["alarm"] and r["regime"] and r["rms"] > r["usual_rms"]
+
+
+def test_an_alarm_ends_once_the_estimate_has_followed_and_the_model_without_values_learns_them(tmp_path):
+    run = play(tmp_path, 9, CHANGES["inertia_change"], from_file=False)
+    named = next(k for k, (t, _, r) in enumerate(run) if r["likely_effect"] == "inertia_change")
+    assert run[named][0] > CHANGE_S and run[named][1] <= 10
+    assert not run[-1][2]["alarm"] and run[-1][2]["likely_effect"] is None
+    assert run[-1][2]["rms"] < 0.5 * max(r["rms"] for _, _, r in run[named:])
+
+
+@pytest.mark.parametrize("seed", [3, 4, 5])
+def test_a_drive_that_stays_the_same_raises_nothing(tmp_path, seed):
+    for _, _, r in play(tmp_path, seed, []):
+        assert not r["likely_effect"] and not r["alarm"]
