@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "batch/output_error.hpp"
 
+#include "batch/noise.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <cstring>
@@ -24,6 +26,16 @@ double &value_of(driveid_model &model, const FreeParam &free) {
 namespace {
 
 constexpr double kNeverPinned = 1e9;
+constexpr int kPlain = 3, kFilters = 3;          // iterations before the first filter; those that choose one
+constexpr double kConverged = 0.05;                // steps of so many standard deviations end the iteration
+constexpr int kSkew = -2;                       // FreeParam::effect of the nuisance skew
+
+struct Point {                                  // what is moved
+  driveid_model model;
+  double skew_s = 0;
+};
+
+double &value_at(Point &point, const FreeParam &free) { return free.effect == kSkew ? point.skew_s : value_of(point.model, free); }
 
 struct Window {
   std::size_t stretch, from, to, at;            // at: first row in the stacked outputs
@@ -33,11 +45,13 @@ struct Window {
 
 struct Fitting {
   const OutputErrorProblem &problem;
+  std::vector<FreeParam> free;                  // the problem's, and the skew
   std::vector<double> step;                     // difference step of each free parameter
   std::vector<Window> windows;
   std::size_t rows = 0;
   std::vector<double> measured, scale;          // stacked: window, output, row; 1/noise by output
   std::vector<double> head;                     // by output: factor on the first rows of a whole stretch
+  std::vector<NoiseFilter> filter;              // by output
   std::vector<uint32_t> states;                 // indices of free initial states
   double state_step[DRIVEID_X_COUNT] = {};
 };
@@ -45,7 +59,7 @@ struct Fitting {
 using Stack = std::vector<double>;
 
 // One pass over all windows with a model. moved: index into states of the initial state that is shifted by its step, or -1.
-bool simulate(const Fitting &f, const driveid_model &model, int moved, std::vector<Window> *remember, Stack &out) {
+bool simulate(const Fitting &f, const Point &point, int moved, std::vector<Window> *remember, Stack &out) {
   out.resize(f.rows * f.problem.outputs.size());
   driveid_sim sim;
   driveid_sim_state state = {};
@@ -53,8 +67,10 @@ bool simulate(const Fitting &f, const driveid_model &model, int moved, std::vect
   std::size_t index = 0;
   for (const Window &w : f.windows) {
     if (w.stretch != current) {
-      const driveid_sim_record view = f.problem.stretches[w.stretch]->view();
-      if (driveid_sim_init(&sim, &model, &view, f.problem.mode, nullptr, 0)) return false;
+      const Stretch &stretch = *f.problem.stretches[w.stretch];
+      const driveid_sim_record view = stretch.view();
+      if (driveid_sim_init(&sim, &point.model, &view, f.problem.mode, nullptr, 0)) return false;
+      sim.delay_s += stretch.skew_s + point.skew_s;
       std::memset(&state, 0, sizeof state);
       current = w.stretch;
     }
@@ -109,6 +125,7 @@ void stack_measured(Fitting &f) {
   f.measured.resize(f.rows * m);
   f.scale.assign(m, 1.0);
   f.head.assign(m, 1.0);
+  f.filter.assign(m, {});
   for (const Window &w : f.windows)
     for (std::size_t o = 0; o < m; o++) {
       const auto &column = f.problem.stretches[w.stretch]->column[f.problem.outputs[o]];
@@ -152,18 +169,18 @@ void huber_weights(std::vector<Local> &local) {
 }
 
 // All simulations of one linearisation; parameter columns are shared out between two threads.
-bool columns(const Fitting &f, const driveid_model &model, const Stack &base, std::vector<Stack> &out) {
-  const std::size_t P = f.problem.free.size(), S = f.states.size();
+bool columns(const Fitting &f, const Point &point, const Stack &base, std::vector<Stack> &out) {
+  const std::size_t P = f.free.size(), S = f.states.size();
   out.assign(P + S, {});
   std::vector<unsigned char> good(P + S, 1);
   auto work = [&](std::size_t first) {
     for (std::size_t k = first; k < P + S; k += 2) {
-      driveid_model moved = model;
+      Point moved = point;
       double step = 1;
       if (k < P) {
-        const FreeParam &free = f.problem.free[k];
+        const FreeParam &free = f.free[k];
         step = f.step[k];
-        double &value = value_of(moved, free);
+        double &value = value_at(moved, free);
         if (value + step > free.hi) step = -step;
         value += step;
       } else {
@@ -179,35 +196,98 @@ bool columns(const Fitting &f, const driveid_model &model, const Stack &base, st
   return std::all_of(good.begin(), good.end(), [](unsigned char g) { return g; });
 }
 
-bool linearise(Fitting &f, const driveid_model &model, const Stack &base, Linear &lin, bool weights) {
-  const std::size_t P = f.problem.free.size(), S = f.states.size(), m = f.problem.outputs.size();
+// Window w, output o: raw values (measured less base, or a column) scaled and filtered.
+void prepare_rows(const Fitting &f, std::size_t o, double *x, std::size_t n) {
+  for (std::size_t i = 0; i < n; i++) x[i] *= weight_of(f, o, i);
+  f.filter[o].apply(x, n);
+}
+
+// ridge: a state that the window does not show (the speed of an axis that sticks) stays where it is
+Eigen::MatrixXd gain_of_states(const Eigen::MatrixXd &Js) {
+  const Eigen::VectorXd size = Js.colwise().norm().transpose().cwiseMax(1e-300);
+  const Eigen::MatrixXd unit = Js * size.cwiseInverse().asDiagonal();
+  Eigen::MatrixXd gram = unit.transpose() * unit;
+  gram.diagonal().array() += 1e-9;
+  return size.cwiseInverse().asDiagonal() * gram.ldlt().solve(unit.transpose());
+}
+
+Local localise(const Fitting &f, std::size_t w, const Stack &base, const std::vector<Stack> &d) {
+  const std::size_t P = f.free.size(), S = f.states.size(), m = f.problem.outputs.size();
+  const Window &window = f.windows[w];
+  const std::size_t n = window.to - window.from, first = window.at * m;
+  Local l;
+  l.raw.resize(Eigen::Index(n * m));
+  l.rawJp.resize(Eigen::Index(n * m), Eigen::Index(P));
+  Eigen::MatrixXd Js(Eigen::Index(n * m), Eigen::Index(S));
+  for (std::size_t i = 0; i < n * m; i++) l.raw[Eigen::Index(i)] = f.measured[first + i] - base[first + i];
+  for (std::size_t k = 0; k < P; k++) std::copy_n(d[k].data() + first, n * m, l.rawJp.col(Eigen::Index(k)).data());
+  for (std::size_t k = 0; k < S; k++) std::copy_n(d[P + k].data() + first, n * m, Js.col(Eigen::Index(k)).data());
+  for (std::size_t o = 0; o < m; o++) {
+    prepare_rows(f, o, l.raw.data() + o * n, n);
+    for (std::size_t k = 0; k < P; k++) prepare_rows(f, o, l.rawJp.col(Eigen::Index(k)).data() + o * n, n);
+    for (std::size_t k = 0; k < S; k++) prepare_rows(f, o, Js.col(Eigen::Index(k)).data() + o * n, n);
+  }
+  l.state_gain = gain_of_states(Js);
+  l.r = l.raw - Js * (l.state_gain * l.raw);
+  l.Jp = l.rawJp - Js * (l.state_gain * l.rawJp);
+  return l;
+}
+
+// Noise filters from the residual as it is, initial states projected out anew under each filter.
+void find_filters(Fitting &f, const Stack &base, const std::vector<Stack> &d) {
+  const std::size_t S = f.states.size(), P = f.free.size(), m = f.problem.outputs.size();
+  for (std::size_t o = 0; o < m; o++) {
+    const driveid_signal signal = f.problem.outputs[o];
+    const bool position = signal == DRIVEID_SIGNAL_THETA_RAD || signal == DRIVEID_SIGNAL_X_M || signal == DRIVEID_SIGNAL_THETA_L_RAD;
+    std::vector<std::vector<double>> pieces(f.windows.size());
+    auto filtered = [&](const NoiseFilter &filter) {
+      double power = 0;
+      std::vector<double> each;
+      for (std::size_t w = 0; w < f.windows.size(); w++) {
+        const std::size_t n = f.windows[w].to - f.windows[w].from, first = f.windows[w].at * m + o * n;
+        Eigen::VectorXd r(static_cast<Eigen::Index>(n));
+        Eigen::MatrixXd Js{Eigen::Index(n), Eigen::Index(S)};
+        for (std::size_t i = 0; i < n; i++) r[Eigen::Index(i)] = f.measured[first + i] - base[first + i];
+        filter.apply(r.data(), n);
+        for (std::size_t k = 0; k < S; k++) {
+          std::copy_n(d[P + k].data() + first, n, Js.col(Eigen::Index(k)).data());
+          filter.apply(Js.col(Eigen::Index(k)).data(), n);
+        }
+        r -= Js * (gain_of_states(Js) * r);
+        pieces[w].assign(r.data(), r.data() + n);
+        each.push_back(r.squaredNorm() / double(n));
+        power += each.back() * double(n);
+      }
+      if (each.size() < 8) return power;
+      std::nth_element(each.begin(), each.begin() + std::ptrdiff_t(each.size() / 2), each.end());   // windows that went astray do not choose the filter
+      double kept = 0;
+      for (const auto &p : pieces) {
+        double own = 0;
+        for (double v : p) own += v * v;
+        kept += std::min(own, 16 * each[each.size() / 2] * double(p.size()));
+      }
+      return kept;
+    };
+    NoiseFilter filter = fit_memory(position ? 2 : 1, filtered);
+    filtered(filter);
+    filter.ar = fit_short_memory(pieces, 4);
+    f.filter[o] = filter;
+    const double power = filtered(filter) / double(f.rows);
+    if (m > 1 && power > 0) f.scale[o] = 1 / std::sqrt(power);
+  }
+}
+
+bool linearise(Fitting &f, const Point &point, const Stack &base, Linear &lin, bool weights, bool filters = false) {
+  const std::size_t P = f.free.size();
   std::vector<Stack> d;
-  if (!columns(f, model, base, d)) return false;
+  if (!columns(f, point, base, d)) return false;
+  if (filters) find_filters(f, base, d);
   std::vector<double> previous;
   for (const Local &l : lin.local) previous.push_back(l.weight);
-  lin.local.assign(f.windows.size(), {});
+  lin.local.clear();
   for (std::size_t w = 0; w < f.windows.size(); w++) {
-    const Window &window = f.windows[w];
-    const std::size_t n = window.to - window.from, first = window.at * m;
-    Local &l = lin.local[w];
-    l.raw.resize(Eigen::Index(n * m));
-    l.rawJp.resize(Eigen::Index(n * m), Eigen::Index(P));
-    Eigen::MatrixXd Js(Eigen::Index(n * m), Eigen::Index(S));
-    for (std::size_t i = 0; i < n * m; i++) {
-      const double scale = weight_of(f, i / n, i % n);
-      l.raw[Eigen::Index(i)] = scale * (f.measured[first + i] - base[first + i]);
-      for (std::size_t k = 0; k < P; k++) l.rawJp(Eigen::Index(i), Eigen::Index(k)) = scale * d[k][first + i];
-      for (std::size_t k = 0; k < S; k++) Js(Eigen::Index(i), Eigen::Index(k)) = scale * d[P + k][first + i];
-    }
-    // ridge: a state that the window does not show (the speed of an axis that sticks) stays where it is
-    const Eigen::VectorXd size = Js.colwise().norm().transpose().cwiseMax(1e-300);
-    Eigen::MatrixXd unit = Js * size.cwiseInverse().asDiagonal();
-    Eigen::MatrixXd gram = unit.transpose() * unit;
-    gram.diagonal().array() += 1e-9;
-    l.state_gain = size.cwiseInverse().asDiagonal() * gram.ldlt().solve(unit.transpose());
-    l.r = l.raw - Js * (l.state_gain * l.raw);
-    l.Jp = l.rawJp - Js * (l.state_gain * l.rawJp);
-    if (!weights && w < previous.size()) l.weight = previous[w];
+    lin.local.push_back(localise(f, w, base, d));
+    if (!weights && w < previous.size()) lin.local[w].weight = previous[w];
   }
   if (weights) huber_weights(lin.local);
   lin.A = Eigen::MatrixXd::Zero(Eigen::Index(P), Eigen::Index(P));
@@ -222,12 +302,16 @@ bool linearise(Fitting &f, const driveid_model &model, const Stack &base, Linear
 double total_cost(const Fitting &f, const Stack &base, const std::vector<double> &weight) {
   const std::size_t m = f.problem.outputs.size();
   double sum = 0;
+  std::vector<double> e;
   for (std::size_t w = 0; w < f.windows.size(); w++) {
-    const std::size_t n = f.windows[w].to - f.windows[w].from, first = f.windows[w].at * m;
+    const std::size_t n = f.windows[w].to - f.windows[w].from;
     double one = 0;
-    for (std::size_t i = 0; i < n * m; i++) {
-      const double e = weight_of(f, i / n, i % n) * (f.measured[first + i] - base[first + i]);
-      one += e * e;
+    for (std::size_t o = 0; o < m; o++) {
+      const std::size_t first = f.windows[w].at * m + o * n;
+      e.resize(n);
+      for (std::size_t i = 0; i < n; i++) e[i] = f.measured[first + i] - base[first + i];
+      prepare_rows(f, o, e.data(), n);
+      for (double v : e) one += v * v;
     }
     sum += (w < weight.size() ? weight[w] : 1.0) * one;
   }
@@ -243,17 +327,17 @@ void weigh_outputs(Fitting &f, const Stack &base) {
     for (const Stretch *s : f.problem.stretches) noise = std::max(noise, s->noise[f.problem.outputs[o]]);
     const double rms = std::sqrt(sum / double(f.rows));
     if (m > 1) f.scale[o] = rms > 0 ? 1 / rms : 1.0;
-    const bool pinned = f.problem.window_s < kNeverPinned && f.rows / f.windows.size() >= 5 * kHead;
+    const bool pinned = !f.problem.whiten && f.problem.window_s < kNeverPinned && f.rows / f.windows.size() >= 5 * kHead;
     f.head[o] = pinned && noise > 0 ? std::clamp(rms / noise, 1.0, 1e4) : 1.0;
   }
 }
 
 // Moves parameters and initial states; false where a bound left no room.
-void move(const Fitting &f, const Linear &lin, const Eigen::VectorXd &step, driveid_model &model, std::vector<Window> &windows) {
+void move(const Fitting &f, const Linear &lin, const Eigen::VectorXd &step, Point &point, std::vector<Window> &windows) {
   Eigen::VectorXd taken = step;
-  for (std::size_t k = 0; k < f.problem.free.size(); k++) {
-    const FreeParam &free = f.problem.free[k];
-    double &value = value_of(model, free);
+  for (std::size_t k = 0; k < f.free.size(); k++) {
+    const FreeParam &free = f.free[k];
+    double &value = value_at(point, free);
     const double before = value;
     value = std::clamp(value + step[Eigen::Index(k)], free.lo, free.hi);
     taken[Eigen::Index(k)] = value - before;
@@ -278,51 +362,77 @@ Eigen::MatrixXd pseudo_inverse(const Eigen::MatrixXd &A) {
   return size.asDiagonal() * unit.ldlt().solve(Eigen::MatrixXd::Identity(A.rows(), A.cols())) * size.asDiagonal();
 }
 
+// The longest step in standard deviations as they are now (white residuals assumed).
+double length_of(const Fitting &f, const Linear &lin, const Eigen::VectorXd &step, double cost) {
+  const Eigen::VectorXd variance = pseudo_inverse(lin.A).diagonal() * (cost / double(std::max<std::size_t>(1, f.rows)));
+  double longest = 0;
+  for (Eigen::Index k = 0; k < step.size(); k++) longest = std::max(longest, std::fabs(step[k]) / std::sqrt(std::max(1e-300, variance[k])));
+  return longest;
+}
+
 // Difference steps of a fifth of each parameter's uncertainty as it is now: smaller ones see the kinks of sticking, larger ones another model.
-void adapt_steps(Fitting &f, const driveid_model &model, const Linear &lin, double cost) {
+void adapt_steps(Fitting &f, const Point &point, const Linear &lin, double cost) {
   const Eigen::MatrixXd spread = pseudo_inverse(lin.A) * (cost / double(std::max<std::size_t>(1, f.rows)));
-  driveid_model copy = model;
+  Point copy = point;
   for (std::size_t k = 0; k < f.step.size(); k++) {
-    const double size = std::fabs(value_of(copy, f.problem.free[k])), wanted = 0.2 * std::sqrt(std::max(0.0, spread(Eigen::Index(k), Eigen::Index(k))));
+    if (f.free[k].effect == kSkew) continue;
+    const double size = std::fabs(value_at(copy, f.free[k])), wanted = 0.2 * std::sqrt(std::max(0.0, spread(Eigen::Index(k), Eigen::Index(k))));
     if (wanted > 0 && std::isfinite(wanted)) f.step[k] = size > 0 ? std::clamp(wanted, 1e-7 * size, 1e-2 * size) : wanted;
   }
 }
 
-constexpr std::size_t kLags = 3;
+constexpr std::size_t kLags = 4;
+constexpr std::size_t kClusters = 40;           // so many windows are blocks enough
 
-// Sandwich: scores summed over blocks of about 1/80 of the data each, products with neighbours under Bartlett's weights.
-void covariance(const Fitting &f, const Linear &lin, OutputErrorResult &result) {
+// Sums of the projected score over blocks: whole windows where there are many, else parts of about 1/40 of the data each.
+std::vector<Eigen::VectorXd> scores(const Fitting &f, const Linear &lin) {
   const Eigen::Index P = lin.A.rows();
   std::vector<Eigen::VectorXd> score;
-  const std::size_t m = f.problem.outputs.size(), block = std::max<std::size_t>(20, f.rows / 80);
+  const std::size_t m = f.problem.outputs.size(), block = f.windows.size() >= kClusters ? f.rows : std::max<std::size_t>(20, f.rows / 40);
   std::size_t filled = 0;
   Eigen::VectorXd sum = Eigen::VectorXd::Zero(P);
+  auto close = [&] {
+    if (filled) score.push_back(sum);
+    sum.setZero();
+    filled = 0;
+  };
   for (std::size_t w = 0; w < lin.local.size(); w++) {
+    const Local &l = lin.local[w];
     const std::size_t n = f.windows[w].to - f.windows[w].from;
     for (std::size_t from = 0; from < n;) {
       const std::size_t take = std::min(n - from, block - filled);
       for (std::size_t o = 0; o < m; o++)
-        sum += lin.local[w].weight * lin.local[w].Jp.middleRows(Eigen::Index(o * n + from), Eigen::Index(take)).transpose() * lin.local[w].r.segment(Eigen::Index(o * n + from), Eigen::Index(take));
+        sum += l.weight * l.Jp.middleRows(Eigen::Index(o * n + from), Eigen::Index(take)).transpose() * l.r.segment(Eigen::Index(o * n + from), Eigen::Index(take));
       from += take;
       filled += take;
-      if (filled == block) score.push_back(sum), sum.setZero(), filled = 0;
+      if (filled == block) close();
     }
+    if (f.windows.size() >= kClusters) close();
   }
-  if (filled) score.push_back(sum);
+  close();
+  return score;
+}
+
+// Sandwich of block scores, products with neighbours under Bartlett's weights; never below what white residuals of this size would give.
+void covariance(const Fitting &f, const Linear &lin, OutputErrorResult &result) {
+  const Eigen::Index P = lin.A.rows();
+  const std::vector<Eigen::VectorXd> score = scores(f, lin);
+  const std::size_t m = f.problem.outputs.size();
   Eigen::MatrixXd meat = Eigen::MatrixXd::Zero(P, P);
   for (std::size_t k = 0; k < score.size(); k++) {
     meat += score[k] * score[k].transpose();
     for (std::size_t lag = 1; lag <= kLags && lag <= k; lag++)
       meat += (1.0 - double(lag) / double(kLags + 1)) * (score[k] * score[k - lag].transpose() + score[k - lag] * score[k].transpose());
   }
-  // never below what white residuals of this size would give
   double squares = 0;
   for (const Local &l : lin.local) squares += l.weight * l.r.squaredNorm();
-  const double blocks = double(score.size());
-  meat *= blocks / std::max(1.0, blocks - double(P));
+  // parameters, and initial states inside windows that several blocks share, have taken part of the scores
+  const double blocks = double(score.size()), states = f.windows.size() >= kClusters ? 0 : double(f.states.size() * f.windows.size());
+  meat *= blocks / std::max(0.25 * blocks, blocks - double(P) - states);
   const Eigen::MatrixXd bread = pseudo_inverse(lin.A);
   Eigen::MatrixXd cov = bread * meat * bread;
-  const Eigen::MatrixXd white = squares / double(std::max<std::size_t>(1, f.rows * m - std::size_t(P))) * bread;
+  const double freedom = double(f.rows * m) - double(P) - double(f.states.size() * f.windows.size());
+  const Eigen::MatrixXd white = squares / std::max(1.0, freedom) * bread;
   for (Eigen::Index k = 0; k < P; k++)
     if (cov(k, k) < white(k, k)) {
       const double grow = std::sqrt(white(k, k) / std::max(cov(k, k), 1e-300));
@@ -330,58 +440,68 @@ void covariance(const Fitting &f, const Linear &lin, OutputErrorResult &result) 
       cov.col(k) *= grow;
     }
   result.covariance = cov;
-  result.blocks = int(score.size());
+  // 97.5 % point of an estimate divided by a deviation from few neighbouring blocks (Kiefer and Vogelsang 2005, Bartlett's weights)
+  const double b = std::min(0.5, double(kLags + 1) / std::max(1.0, blocks));
+  result.quantile = 1.96 + 2.9694 * b + 0.4160 * b * b - 0.5324 * b * b * b;
 }
 
-void report_rmse(const Fitting &f, const Linear &lin, OutputErrorResult &result) {
+void report_rmse(const Fitting &f, const Stack &base, OutputErrorResult &result) {
   const std::size_t m = f.problem.outputs.size();
-  Eigen::VectorXd sum = Eigen::VectorXd::Zero(Eigen::Index(m));
-  for (std::size_t w = 0; w < lin.local.size(); w++) {
-    const Eigen::Index n = Eigen::Index(f.windows[w].to - f.windows[w].from);
+  result.rmse = Eigen::VectorXd::Zero(Eigen::Index(m));
+  for (const Window &w : f.windows)
     for (std::size_t o = 0; o < m; o++)
-      for (Eigen::Index i = 0; i < n; i++) sum[Eigen::Index(o)] += std::pow(lin.local[w].r[Eigen::Index(o) * n + i] / weight_of(f, o, std::size_t(i)), 2);
-  }
-  result.rmse = (sum / double(f.rows)).cwiseSqrt();
+      for (std::size_t i = 0; i < w.to - w.from; i++) {
+        const std::size_t at = w.at * m + o * (w.to - w.from) + i;
+        result.rmse[Eigen::Index(o)] += std::pow(f.measured[at] - base[at], 2);
+      }
+  result.rmse = (result.rmse / double(f.rows)).cwiseSqrt();
 }
+
+double sample_time(const Stretch &s) { return (s.t_s.back() - s.t_s.front()) / double(s.t_s.size() - 1); }
 
 }  // namespace
 
 OutputErrorResult fit_output_error(const OutputErrorProblem &problem) {
   OutputErrorResult result;
   result.model = problem.model;
-  Fitting f{problem, {}, {}, 0, {}, {}, {}, {}, {}};
-  for (const FreeParam &p : problem.free) f.step.push_back(p.scale);
+  Fitting f{problem, problem.free, {}, {}, 0, {}, {}, {}, {}, {}, {}};
+  if (problem.free_skew && !problem.stretches.empty()) {
+    const double dt = sample_time(*problem.stretches[0]);
+    f.free.push_back({kSkew, 0, 0.02 * dt, -0.6 * dt, 0.6 * dt});
+  }
+  for (const FreeParam &p : f.free) f.step.push_back(p.scale);
   make_windows(f);
   if (f.windows.empty() || problem.outputs.empty()) return result;
   stack_measured(f);
-  driveid_model model = problem.model;
+  Point point{problem.model, 0};
   Stack base;
-  if (!simulate(f, model, -1, &f.windows, base)) return result;
+  if (!simulate(f, point, -1, &f.windows, base)) return result;
   Linear lin;
   double lambda = 1e-4;
   bool fresh = true;
-  for (int it = 0; it < problem.iterations; it++) {
+  for (int it = 0, plain = problem.whiten ? kPlain : 0; it < plain + problem.iterations; it++) {
     if (problem.cancelled && problem.cancelled()) return result;
+    const bool whitening = problem.whiten && it >= plain && it < plain + kFilters;
     if (it < 2) weigh_outputs(f, base);
-    if (fresh && !linearise(f, model, base, lin, it < 3)) return result;
+    if ((fresh || whitening) && !linearise(f, point, base, lin, it < 3 || whitening, whitening)) return result;
     const std::vector<double> weight = weights_of(lin);
     const double before = total_cost(f, base, weight);
-    if (fresh) adapt_steps(f, model, lin, before);
+    if (fresh) adapt_steps(f, point, lin, before);
     Eigen::MatrixXd A = lin.A;
     A.diagonal() += lambda * lin.A.diagonal() + Eigen::VectorXd::Constant(A.rows(), 1e-300);
     const Eigen::VectorXd step = pseudo_inverse(A) * lin.b;
-    driveid_model trial = model;
+    Point trial = point;
     const std::vector<Window> kept = f.windows;
     move(f, lin, step, trial, f.windows);
     Stack next;
     const bool runs = simulate(f, trial, -1, &f.windows, next);
     const double after = runs ? total_cost(f, next, weight) : INFINITY;
     if (std::isfinite(after) && after <= before) {
-      model = trial;
+      point = trial;
       base = std::move(next);
       lambda = std::max(1e-9, lambda / 10);
       fresh = true;
-      if (before - after < 2e-5 * before && it >= 2) break;
+      if (it >= 2 + plain && before - after < 1e-3 * before && length_of(f, lin, step, before) < kConverged) break;
     } else {
       f.windows = kept;
       lambda *= 30;
@@ -389,11 +509,14 @@ OutputErrorResult fit_output_error(const OutputErrorProblem &problem) {
       if (lambda > 1e8) break;
     }
   }
-  if (!linearise(f, model, base, lin, false)) return result;
-  result.model = model;
+  if (!linearise(f, point, base, lin, false)) return result;
+  result.model = point.model;
+  result.skew_s = point.skew_s;
   covariance(f, lin, result);
-  report_rmse(f, lin, result);
+  report_rmse(f, base, result);
   result.cost = total_cost(f, base, weights_of(lin));
+  const Eigen::Index P = Eigen::Index(problem.free.size());
+  result.covariance = Eigen::MatrixXd(result.covariance.topLeftCorner(P, P));
   result.ok = result.covariance.allFinite();
   return result;
 }
@@ -412,27 +535,29 @@ bool free_run(const driveid_model &model, const Stretch &stretch, driveid_sim_mo
   for (int s = 0; s < DRIVEID_SIGNAL_COUNT; s++)
     if (!stretch.column[s].empty()) head.column[s].assign(stretch.column[s].begin() + std::ptrdiff_t(from), stretch.column[s].begin() + std::ptrdiff_t(end));
   head.hold = stretch.hold;
+  head.skew_s = stretch.skew_s;
   start.window_s = kNeverPinned;   // one window, all its rows count alike
   start.stretches = {&head};
   const driveid_sim_record view = stretch.view();
   driveid_sim sim;
   driveid_sim_state state;
   if (driveid_sim_init(&sim, &model, &view, mode, nullptr, 0) || driveid_sim_start(&sim, from, &state)) return false;
-  Fitting f{start, {}, {}, 0, {}, {}, {}, {}, {}};
+  sim.delay_s += stretch.skew_s;
+  Fitting f{start, {}, {}, {}, 0, {}, {}, {}, {}, {}, {}};
+  Point point{model, 0};
   make_windows(f);
   if (!f.windows.empty() && !start.outputs.empty()) {
     stack_measured(f);
     Stack base;
     Linear lin;
     for (int it = 0; it < 3; it++) {
-      if (!simulate(f, model, -1, &f.windows, base)) break;
+      if (!simulate(f, point, -1, &f.windows, base)) break;
       weigh_outputs(f, base);
-      if (!linearise(f, model, base, lin, false)) break;
+      if (!linearise(f, point, base, lin, false)) break;
       const double before = total_cost(f, base, {});
       const std::vector<Window> kept = f.windows;
-      driveid_model same = model;
-      move(f, lin, Eigen::VectorXd(), same, f.windows);
-      if (!simulate(f, model, -1, nullptr, base) || !(total_cost(f, base, {}) <= before)) {
+      move(f, lin, Eigen::VectorXd(), point, f.windows);
+      if (!simulate(f, point, -1, nullptr, base) || !(total_cost(f, base, {}) <= before)) {
         f.windows = kept;
         break;
       }

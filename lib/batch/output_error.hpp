@@ -6,6 +6,9 @@
 // resolve weak parameters. Memories of effects (bristles, winding heat) are carried from window to window.
 // A window must start where the record is: its first rows weigh as much as their sensor noise allows, not as little as the error of the
 // whole window would give them, lest an initial state that contradicts them make up for the model.
+// Whitened, the residual passes a monic filter found from the residual itself (noise.hpp): a noisy input or an unmodelled force makes the simulation
+// drift, and the drift of a sample ago is then taken for granted; what stays is nearly white, so that long windows cost nothing and counts are honest.
+// A skew between input and outputs (a part of a sample) may be a nuisance parameter.
 // Steps are Gauss-Newton with Levenberg-Marquardt damping; derivatives are differences of simulations. The covariance is a sandwich over blocks of
 // the projected score, so it holds for coloured residuals; windows far outside the others' error are weighted down (Huber).
 #pragma once
@@ -24,6 +27,7 @@ struct Stretch {                 // one gap-free piece of a record; owns its col
   std::vector<double> t_s;
   std::vector<double> column[DRIVEID_SIGNAL_COUNT];  // empty: absent
   driveid_hold hold = DRIVEID_HOLD_FIRST;
+  double skew_s = 0;                                 // the input acts so much later than its hold says
   double noise[DRIVEID_SIGNAL_COUNT] = {};           // standard deviation of each sensor, 0 where unknown
   driveid_sim_record view() const;
 };
@@ -42,6 +46,8 @@ struct OutputErrorProblem {
   std::vector<driveid_signal> outputs;
   std::vector<const Stretch *> stretches;
   double window_s = 0;           // 0: whole stretches
+  bool whiten = false;
+  bool free_skew = false;        // a nuisance parameter added to the skew of all stretches
   int iterations = 8;
   std::function<bool()> cancelled;
 };
@@ -50,8 +56,9 @@ struct OutputErrorResult {
   driveid_model model;           // values replaced; intervals untouched
   Eigen::MatrixXd covariance;    // of the free parameters
   Eigen::VectorXd rmse;          // by output, windows as fitted
+  double skew_s = 0;             // found, beyond that of the stretches
   double cost = 0;
-  int blocks = 0;                // behind the covariance
+  double quantile = 1.96;        // deviations in half of a 95 % interval
   bool ok = false;
 };
 

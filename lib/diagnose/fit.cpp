@@ -14,6 +14,7 @@ FitOptions options_of(const Task &task) {
   o.threads = task.threads;
   if (task.options.contains("refine") && task.options["refine"].is_boolean()) o.refine = task.options["refine"].get<bool>();
   if (task.options.contains("window_s") && task.options["window_s"].is_number()) o.window_s = task.options["window_s"].get<double>();
+  if (task.options.contains("whiten") && task.options["whiten"].is_boolean()) o.whiten = task.options["whiten"].get<bool>();
   o.tick = task.tick;
   return o;
 }

@@ -174,16 +174,13 @@ std::vector<batch::FreeParam> free_params(const driveid_model &model, driveid_si
 
 driveid_param &param_of(driveid_model &model, const batch::FreeParam &f) { return f.effect < 0 ? model.param[f.index] : model.effect[f.effect].param[f.index]; }
 
-double t_quantile(int freedom) {   // 97.5 %, Cornish-Fisher
-  const double n = std::max(3, freedom), z = 1.959964;
-  return z + (z * z * z + z) / (4 * n) + (5 * std::pow(z, 5) + 16 * z * z * z + 3 * z) / (96 * n * n);
-}
+constexpr double kNumerical = 3e-5;   // no interval is narrower than what the simulation's own steps are good for
 
 void write_intervals(driveid_model &model, const std::vector<batch::FreeParam> &free, const batch::OutputErrorResult &result) {
-  const double t = t_quantile(result.blocks - int(free.size()));
+  const double t = result.quantile;
   for (std::size_t k = 0; k < free.size(); k++) {
     driveid_param &p = param_of(model, free[k]);
-    const double half = t * std::sqrt(std::max(0.0, result.covariance(Eigen::Index(k), Eigen::Index(k))));
+    const double half = std::max(t * std::sqrt(std::max(0.0, result.covariance(Eigen::Index(k), Eigen::Index(k)))), kNumerical * std::fabs(p.value));
     p.lo = p.value - half;
     p.hi = p.value + half;
   }
@@ -191,30 +188,17 @@ void write_intervals(driveid_model &model, const std::vector<batch::FreeParam> &
 
 // ---- refinement of one part ----
 
-struct Trial {
-  std::string name;
+struct Objective {
   double window_s = -1;       // -1: equation
-  driveid_model model;
-  double uncertainty = 0;     // mean log of relative variance
-  double score = INFINITY;    // mean log of held-out errors
+  bool whiten = false;
 };
 
-double uncertainty_of(const driveid_model &model, const std::vector<batch::FreeParam> &free, const Eigen::MatrixXd &cov) {
-  double sum = 0;
-  driveid_model copy = model;
-  for (std::size_t k = 0; k < free.size(); k++) sum += std::log(std::max(1e-300, cov(Eigen::Index(k), Eigen::Index(k)) / std::max(1e-300, std::pow(param_of(copy, free[k]).value, 2))));
-  return free.empty() ? 0 : sum / double(free.size());
-}
-
-double interval_uncertainty(const driveid_model &model, const std::vector<batch::FreeParam> &free) {
-  Eigen::MatrixXd cov = Eigen::MatrixXd::Zero(Eigen::Index(free.size()), Eigen::Index(free.size()));
-  driveid_model copy = model;
-  for (std::size_t k = 0; k < free.size(); k++) {
-    const driveid_param &p = param_of(copy, free[k]);
-    cov(Eigen::Index(k), Eigen::Index(k)) = std::pow((p.hi - p.lo) / 3.92, 2);
-  }
-  return uncertainty_of(model, free, cov);
-}
+struct Trial {
+  std::string name;
+  Objective objective;
+  driveid_model model;
+  double score = INFINITY;    // mean log of held-out errors
+};
 
 struct Data {
   std::vector<batch::Stretch> training, judged;   // judged: kept aside
@@ -262,14 +246,15 @@ std::vector<const batch::Stretch *> pointers(const std::vector<batch::Stretch> &
   return out;
 }
 
-std::optional<batch::OutputErrorResult> refine(const driveid_model &model, const Part &part, const std::vector<batch::Stretch> &data, double window_s, const std::vector<batch::FreeParam> &free, int iterations) {
+std::optional<batch::OutputErrorResult> refine(const driveid_model &model, const Part &part, const std::vector<batch::Stretch> &data, const Objective &objective, const std::vector<batch::FreeParam> &free, int iterations) {
   batch::OutputErrorProblem problem;
   problem.model = model;
   problem.mode = part.mode;
   problem.free = free;
   problem.outputs = part.outputs;
   problem.stretches = pointers(data, 150000);
-  problem.window_s = window_s;
+  problem.window_s = objective.window_s;
+  problem.whiten = objective.whiten;
   problem.iterations = iterations;
   batch::OutputErrorResult r = batch::fit_output_error(problem);
   if (!r.ok) return std::nullopt;
@@ -290,40 +275,41 @@ double judge(const driveid_model &model, const Part &part, const std::vector<bat
   return count > 0 ? sum / count : 0;
 }
 
-std::string window_name(double window_s) {
-  if (window_s == 0) return "free run";
-  char text[40];
-  std::snprintf(text, sizeof text, "windows of %.3g s", window_s);
+std::string name_of(const Objective &o) {
+  const char *white = o.whiten ? ", whitened" : "";
+  char text[60];
+  if (o.window_s == 0) std::snprintf(text, sizeof text, "free run%s", white);
+  else std::snprintf(text, sizeof text, "windows of %.3g s%s", o.window_s, white);
   return text;
 }
 
-constexpr double kLocal = 1.0;       // windows up to this length have residuals that forget: their covariance can be trusted
-constexpr double kWorthIt = 0.10;    // a long objective must predict kept-aside stretches that much better (log of the error)
+constexpr double kAsGood = 0.15;     // objectives whose errors on kept-aside stretches differ by less (log) predict alike
+constexpr double kWorthIt = 0.20;    // an objective without honest intervals must predict kept-aside stretches that much better
 
-// The sharpest of the local objectives that predict about as well as the best of them.
+constexpr double kLeaves = 2;         // half-widths
+
+// The longest of the whitened objectives that predict about as well as the best of them.
 const Trial *choose_local(const std::vector<Trial> &trials) {
   double best = INFINITY;
   for (const Trial &t : trials)
-    if (t.window_s > 0 && t.window_s <= kLocal) best = std::min(best, t.score);
+    if (t.objective.whiten) best = std::min(best, t.score);
   const Trial *chosen = nullptr;
   for (const Trial &t : trials)
-    if (t.window_s > 0 && t.window_s <= kLocal && t.score <= best + 0.05 && std::isfinite(t.score) && (!chosen || t.uncertainty < chosen->uncertainty)) chosen = &t;
+    if (t.objective.whiten && t.score <= best + kAsGood && std::isfinite(t.score)) chosen = &t;
   return chosen;
 }
 
 const Trial *choose(const std::vector<Trial> &trials) {
   const Trial *chosen = choose_local(trials);
   for (const Trial &t : trials) {
-    const bool local = t.window_s > 0 && t.window_s <= kLocal;
-    if (!local && std::isfinite(t.score) && (!chosen || t.score < chosen->score - kWorthIt)) chosen = &t;
+    if (!t.objective.whiten && std::isfinite(t.score) && (!chosen || t.score < chosen->score - kWorthIt)) chosen = &t;
   }
   return chosen;
 }
 
 // A long run's residual never forgets, so its own covariance is too narrow: the interval reaches at least as far as the local fit's, and as its value.
-void widen_intervals(driveid_model &model, const std::vector<batch::FreeParam> &free, const batch::OutputErrorResult &local) {
-  driveid_model other = local.model;
-  write_intervals(other, free, local);
+void widen_intervals(driveid_model &model, const std::vector<batch::FreeParam> &free, const driveid_model &local) {
+  driveid_model other = local;
   for (const batch::FreeParam &f : free) {
     driveid_param &p = param_of(model, f);
     const driveid_param &q = param_of(other, f);
@@ -333,23 +319,40 @@ void widen_intervals(driveid_model &model, const std::vector<batch::FreeParam> &
   }
 }
 
+// Another value than the whitened fit's tells of an imperfect model only where its interval is left behind.
+bool leaves(const driveid_model &model, const driveid_model &local, const std::vector<batch::FreeParam> &free) {
+  driveid_model a = model, b = local;
+  for (const batch::FreeParam &f : free)
+    if (std::fabs(param_of(a, f).value - param_of(b, f).value) > kLeaves * (param_of(b, f).hi - param_of(b, f).value)) return true;
+  return false;
+}
+
 // Every objective on one division of the data, each started from the one before where that predicts well.
 std::vector<Trial> try_objectives(FitOutcome &outcome, const Part &part, const Data &data, const std::vector<batch::FreeParam> &free, const FitOptions &options) {
-  std::vector<Trial> trials{{"equation", -1, outcome.model, interval_uncertainty(outcome.model, free), judge(outcome.model, part, data.judged)}};
+  std::vector<Trial> trials{{"equation", {}, outcome.model, judge(outcome.model, part, data.judged)}};
   double longest = 0;
   for (const batch::Stretch &s : data.training) longest = std::max(longest, s.t_s.back() - s.t_s.front());
-  std::vector<double> lengths{0.2, 1.0, 5.0, 0.0};
-  if (options.window_s >= 0) lengths = {options.window_s}, trials.clear();
+  std::vector<Objective> objectives{{1.0, true}, {4.0, true}, {0.0, false}};
+  if (options.window_s >= 0) objectives = {{options.window_s, options.whiten}}, trials.clear();
   driveid_model start = outcome.model;
-  for (double window : lengths) {
-    if (window > 0.4 * longest && options.window_s < 0) continue;
+  if (options.tick && !options.tick(0.25, "refine")) {
+    outcome.cancelled = true;
+    return trials;
+  }
+  if (const auto near = refine(start, part, data.training, {0.2, false}, free, 8)) {   // short windows forgive a poor start
+    const double equation = judge(outcome.model, part, data.judged);
+    if (judge(near->model, part, data.judged) < equation) start = near->model;
+  }
+  for (const Objective &objective : objectives) {
+    const double window = objective.window_s;
+    if (window > 0.6 * longest && options.window_s < 0) continue;
     if (options.tick && !options.tick(window == 0 ? 0.7 : 0.3 + 0.07 * window, "refine")) {
       outcome.cancelled = true;
       return trials;
     }
-    const auto r = refine(start, part, data.training, window, free, 6);
+    const auto r = refine(start, part, data.training, objective, free, 12);
     if (!r) continue;
-    Trial t{window_name(window), window, r->model, uncertainty_of(r->model, free, r->covariance), judge(r->model, part, data.judged)};
+    Trial t{name_of(objective), objective, r->model, judge(r->model, part, data.judged)};
     if (trials.empty() || t.score < trials.back().score + 0.5) start = t.model;
     trials.push_back(t);
   }
@@ -376,20 +379,25 @@ void refine_part(FitOutcome &outcome, const Part &part, const std::vector<batch:
     if (trials.empty()) trials = turn;
     else add_scores(trials, turn);
   }
-  const Trial *chosen = choose(trials);
+  const Trial *local = choose_local(trials), *chosen = choose(trials);
   if (!chosen) return;
-  outcome.objective += (outcome.objective.empty() ? "" : ", ") + chosen->name;
-  if (chosen->window_s < 0) return;
-  const auto last = refine(chosen->model, part, training, chosen->window_s, free, 8);   // with the kept-aside stretches of the training records
-  if (!last) return;
-  driveid_model refined = last->model;
-  write_intervals(refined, free, *last);
-  if (!(chosen->window_s > 0 && chosen->window_s <= kLocal)) {
-    const Trial *local = choose_local(trials);
-    const auto again = local ? refine(local->model, part, training, local->window_s, free, 6) : std::nullopt;
-    if (again) widen_intervals(refined, free, *again);
+  std::optional<driveid_model> honest;
+  auto fitted = [&](const Trial &trial) -> std::optional<driveid_model> {   // with the kept-aside stretches of the training records
+    const auto r = refine(trial.model, part, training, trial.objective, free, 16);
+    if (!r) return std::nullopt;
+    driveid_model model = r->model;
+    write_intervals(model, free, *r);
+    return model;
+  };
+  if (local) honest = fitted(*local);
+  std::optional<driveid_model> best = honest;
+  if (chosen != local) {
+    best = chosen->objective.window_s < 0 ? outcome.model : fitted(*chosen);
+    if (best && honest && !leaves(*best, *honest, free)) best = honest, chosen = local;
+    else if (best && honest) widen_intervals(*best, free, *honest);
   }
-  outcome.model = refined;
+  if (best) outcome.model = *best;
+  outcome.objective += (outcome.objective.empty() ? "" : ", ") + chosen->name;
 }
 
 std::vector<batch::Stretch> all_stretches(const driveid_model &model, const std::vector<Prepared> &records, const EquationSet &set, driveid_sim_mode mode) {

@@ -2,8 +2,9 @@
 // Fit: values and intervals for the free parameters of a model, from prepared records.
 //
 //   1. start: whitened least squares of each equation (the diagnosis's own engine), shapes of effects searched;
-//   2. refine: output error (lib/batch) over windows of several lengths, up to free runs of whole records;
-//   3. choose: the objective whose model predicts kept-aside stretches best, in free run and over one-second windows.
+//   2. refine: output error (lib/batch) with whitened residuals over windows of two lengths, and plain over free runs of whole records;
+//   3. choose: whitened, which has honest intervals, unless a free run (or the equation) predicts kept-aside stretches clearly better with values that
+//      the whitened intervals exclude: then the model is imperfect, and the intervals reach over both.
 #pragma once
 
 #include <functional>
@@ -19,12 +20,13 @@ struct FitOptions {
   int threads = 2;
   bool refine = true;                              // false: equation least squares alone (fast)
   double window_s = -1;                            // >= 0: this objective and no other; 0: free run
+  bool whiten = false;                             // that objective, residuals made white
   std::function<bool(double, const char *)> tick;  // done, what; false cancels
 };
 
 struct FitOutcome {
   driveid_model model;
-  std::string objective;       // "equation", "windows of 0.2 s", ..., "free run"
+  std::string objective;       // "equation", "windows of 4 s, whitened", ..., "free run"
   std::vector<Notice> notices;
   std::string bad;             // not empty: cannot be fitted, and what to record
   bool cancelled = false;
