@@ -27,7 +27,7 @@ sigset_t watched_signals() {
 
 Daemon::Daemon(Config config, RunOptions options)
     : options_(options), control_(config.control, loop_, *this), gateway_(std::make_unique<Gateway>(std::move(config), loop_, &control_)),
-      second_(loop_, [this] { tick(); }), saver_(loop_, [this] { save(); }), watchdog_(loop_, [] { notify("WATCHDOG=1"); }),
+      second_(loop_, [this] { tick(); }), saver_(loop_, [this] { save(); }), watchdog_(loop_, [this] { if (gateway_->alive()) notify("WATCHDOG=1"); }),
       started_ns_(monotonic_ns()), last_tick_ns_(started_ns_) {
     log_listen([](void* self, const LogEvent& e) {
         auto* d = static_cast<Daemon*>(self);

@@ -106,6 +106,12 @@ Drive* Gateway::drive(const std::string& name) const {
     return nullptr;
 }
 
+bool Gateway::alive() {
+    const bool moved = progress_ != last_progress_;
+    last_progress_ = progress_;
+    return moved || std::none_of(sources_.begin(), sources_.end(), [](auto& s) { return s->waiting(); });
+}
+
 void Gateway::tick(double elapsed_s) {
     for (auto& s : sources_) s->tick(elapsed_s);
 }

@@ -55,7 +55,8 @@ public:
     void record_stop(uint64_t& bytes);
     void mark(const std::string& text);
     void event(const LogEvent& event);
-    uint64_t progress() const { return progress_; }           // messages seen: the watchdog's pulse
+    // The watchdog's pulse: since the last call messages were taken, or none is waiting to be.
+    bool alive();
 
     Fate on_frame(int source, const canfd_frame& frame, bool fd, const driveid_stamp& stamp) override;
     Fate on_reply(int source, const ModbusReply& reply, const driveid_stamp& stamp) override;
@@ -84,7 +85,7 @@ private:
     std::vector<RecordWriter*> writers_;                      // of record sinks
     Player player_;
     JsonOut json_;
-    uint64_t progress_ = 0;
+    uint64_t progress_ = 0, last_progress_ = 0;
 };
 
 }  // namespace gw

@@ -82,6 +82,7 @@ struct DriveConfig {
     std::vector<std::pair<std::string, double>> given;
     std::vector<std::string> effects;
     bool paced;
+    double count_s;
     bool watch;
     double dt_s, bandwidth_rad_s, forgetting_s, gap_s, align_tolerance_s, report_s, stale_s, alarm;
     int64_t instant_can_id;

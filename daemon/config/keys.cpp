@@ -84,6 +84,7 @@ const Key<D> kDrive[] = {
     {"forgetting_s", &D::forgetting_s, "s", 0, kAny, "0", "", "memory of the estimator; 0 its default (10 s), inf never forgets", ""},
     {"gap_s", &D::gap_s, "s", 0, 3600, "0", "", "a longer silence is a gap; 0: 5 dt_s", ""},
     {"paced", &D::paced, "", 0, 0, "false", "", "the drive samples every dt_s exactly and frames arrive late by a varying time (serial or USB adapter, busy sender): instants follow dt_s", ""},
+    {"count_s", &D::count_s, "s", 0, 60, "0", "", "paced: time between two counts of [drive.counter], where that is not dt_s (Modbus polls that see only some of the counts)", ""},
     {"align_tolerance_s", &D::align_tolerance_s, "s", 0, 60, "0", "", "values of one sample arrive within this; 0: half of dt_s", ""},
     {"sync", &D::sync, "", 0, 0, "", "", "signal whose arrival closes a sample; \"\": the sample closes when it is complete", ""},
     {"instant_can_id", &D::instant_can_id, "", -1, 0x7FF, "-1", "", "frame (CANopen SYNC: 0x80) whose arrival is the sampling instant of the values after it; -1 none", ""},

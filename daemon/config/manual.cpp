@@ -146,7 +146,7 @@ std::string config_manual() {
     table(out, "[[drive]]", "Beside these: `given`, a table of known parameters; `effects`, a list of effects that are identified too; `[[drive.signal]]`; `[drive.counter]`.", drive_keys());
     table(out, "[[drive.signal]]", "", signal_keys());
     table(out, "Fields ([[drive.signal]] and [drive.counter])",
-          "Where the number stands. `[drive.counter]` is a counter that the drive puts into its message: it tells loss, repetition and reordering apart. "
+          "Where the number stands. `[drive.counter]` is a counter that the drive puts into its message: it tells loss, repetition and reordering apart, and with `paced` it is the clock of the samples (Modbus: read in one request with the signals). "
           "`mux = { start_bit, length, value }`: the signal is there only where the selector has this value.", field_keys());
     table(out, "mux", "", mux_keys());
     table(out, "[[sink]]", "", sink_keys());

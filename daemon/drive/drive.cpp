@@ -87,7 +87,7 @@ Fate Drive::frame(int source, const canfd_frame& f, bool extended, const driveid
     if (!mine) return Fate::unused;
     if (counter_ && counter_source_ == source && counter_->matches(id, extended)) {
         if (f.len < counter_->bytes()) return ++counters_.rejected, Fate::rejected;
-        if (counter_says_skip(f)) return Fate::used;
+        if (counter_says_skip(counter_->bits.extract(f.data), counter_->bits.length, true)) return Fate::used;
     }
     driveid_stamp when = stamp;
     if (config_.instant_can_id >= 0 && instant_ns_ > 0 && stamp.t_ns - instant_ns_ < int64_t(config_.dt_s * 1e9)) when.t_ns = std::min(instant_ns_, stamp.t_ns);
@@ -117,15 +117,20 @@ Fate Drive::frame(int source, const canfd_frame& f, bool extended, const driveid
     return Fate::used;
 }
 
+// The reply has all registers of the field.
+static bool holds(const ModbusReply& r, const RegisterField& f) {
+    return r.function == (f.holding ? 3 : 4) && f.address >= r.address && f.address + f.count <= r.address + r.count;
+}
+
 Fate Drive::reply(int source, const ModbusReply& r, const driveid_stamp& stamp) {
     uint32_t mask = 0;
     double value[DRIVEID_SIGNAL_COUNT];
     bool jump = false;
+    if (counter_register_ && counter_source_ == source && counter_unit_ == r.unit && holds(r, *counter_register_) &&
+        counter_says_skip(counter_register_->extract(r.registers + (counter_register_->address - r.address)), counter_register_->count * 16u, false))
+        return Fate::used;
     for (auto& s : registers_) {
-        const unsigned function = s.field.holding ? 3 : 4;
-        if (s.source != source || s.unit != r.unit || function != r.function || s.field.address < r.address ||
-            s.field.address + s.field.count > r.address + r.count)
-            continue;
+        if (s.source != source || s.unit != r.unit || !holds(r, s.field)) continue;
         const auto result = s.scaler.convert(s.field.extract(r.registers + (s.field.address - r.address)), stamp.t_ns, value[s.signal]);
         if (result == Scaler::Result::out_of_range) return ++counters_.rejected, Fate::rejected;
         jump |= result == Scaler::Result::jump;
@@ -140,17 +145,17 @@ Fate Drive::reply(int source, const ModbusReply& r, const driveid_stamp& stamp) 
     return Fate::used;
 }
 
-// The frame's own counter tells loss, repetition and reordering apart.
-bool Drive::counter_says_skip(const canfd_frame& f) {
-    const uint64_t now = counter_->bits.extract(f.data);
-    const uint64_t range = counter_->bits.length >= 64 ? 0 : uint64_t(1) << counter_->bits.length;
+// The message's own counter tells loss, repetition and reordering apart. each: every count is sent; a poll sees only some of them.
+bool Drive::counter_says_skip(uint64_t now, unsigned bits, bool each) {
+    const uint64_t range = bits >= 64 ? 0 : uint64_t(1) << bits;
     const uint64_t step = range ? (now - last_counter_) & (range - 1) : now - last_counter_;
     const bool first = !counter_primed_;
     if (!first && step == 0) return ++counters_.duplicates, true;
     if (!first && range && step > range / 2) return ++counters_.reordered, true;
     counter_primed_ = true;
     last_counter_ = now;
-    if (!first && step > 1) {
+    counted_ = first ? 1 : step;
+    if (!first && each && step > 1) {
         counters_.dropped += step - 1;
         log_event(Level::warning, config_.name.c_str(), "lost", "", "%llu messages lost by their own counter", (unsigned long long)(step - 1));
     }
@@ -160,7 +165,7 @@ bool Drive::counter_says_skip(const canfd_frame& f) {
 void Drive::values(uint32_t mask, const double* value, const driveid_stamp& stamp) {
     driveid_sample s;
     if (!aligner_.add(mask, value, stamp, s)) return;
-    if (config_.paced) s.stamp.t_ns = pacer_.instant(s.stamp.t_ns);
+    if (config_.paced) s.stamp.t_ns = pacer_.instant(s.stamp.t_ns, config_.has_counter ? counted_ : 0);
     sample(s);
 }
 

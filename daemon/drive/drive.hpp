@@ -93,7 +93,7 @@ private:
     void make_signals(const Config& all);
     void make_estimator(uint32_t present);
     void values(uint32_t mask, const double* value, const driveid_stamp& stamp);
-    bool counter_says_skip(const canfd_frame& frame);
+    bool counter_says_skip(uint64_t now, unsigned bits, bool each);
     void sample(const driveid_sample& sample);
     void timing(int64_t t_ns);
     void report();
@@ -118,9 +118,11 @@ private:
     std::vector<RegisterSignal> registers_;
     std::array<bool, DRIVEID_SIGNAL_COUNT> wait_{};
     std::unique_ptr<CanField> counter_;
+    std::unique_ptr<RegisterField> counter_register_;
+    unsigned counter_unit_ = 0;
     int counter_source_ = -1;
     bool counter_primed_ = false;
-    uint64_t last_counter_ = 0;
+    uint64_t last_counter_ = 0, counted_ = 1;  // counted: what the counter went on by
     int64_t instant_ns_ = 0;         // stamp of the last frame that marks the sampling instant
     Aligner aligner_;
     Pacer pacer_;

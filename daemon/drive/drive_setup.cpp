@@ -76,8 +76,10 @@ void Drive::make_signals(const Config& all) {
         }
     }
     if (config_.has_counter) {
-        counter_ = std::make_unique<CanField>(config_.counter);
         counter_source_ = source_index(all.sources, config_.counter.source);
+        if (config_.counter.address >= 0) counter_register_ = std::make_unique<RegisterField>(config_.counter);
+        else counter_ = std::make_unique<CanField>(config_.counter);
+        counter_unit_ = unsigned(all.sources[size_t(counter_source_)].unit);
     }
     align.tolerance_ns = int64_t((config_.align_tolerance_s > 0 ? config_.align_tolerance_s : config_.sync.empty() ? 0.5 * config_.dt_s : config_.dt_s) * 1e9);
     if (!config_.sync.empty()) {
@@ -86,7 +88,7 @@ void Drive::make_signals(const Config& all) {
         align.sync = sync;
     }
     aligner_ = Aligner(align);
-    pacer_ = Pacer(int64_t(config_.dt_s * 1e9), int64_t(std::max(50 * config_.dt_s, config_.gap_s) * 1e9));
+    pacer_ = Pacer(int64_t((config_.count_s > 0 ? config_.count_s : config_.dt_s) * 1e9), int64_t(std::max(50 * config_.dt_s, config_.gap_s) * 1e9));
     try {
         make_estimator(present);
     } catch (const std::runtime_error& e) {

@@ -5,14 +5,14 @@
 
 namespace gw {
 
-// An arrival is never early: the instant is the earlier of the arrival and one period after the last instant. The period may be
+// An arrival is never early: the instant is the earlier of the arrival and one period (as many as the drive's own counter says) after the last instant. The period may be
 // wrong by 200 ppm; late arrivals are followed that slowly upwards, an early one at once downwards. Where arrivals stay late
-// by half a period or more in a steady row, samples were lost, and the row is believed. A long silence begins anew.
+// by half a period or more in a steady row, samples were lost, and the row is believed (not where a counter tells). A long silence begins anew.
 class Pacer {
 public:
     explicit Pacer(int64_t period_ns = 0, int64_t silence_ns = 0) : period_ns_(period_ns), silence_ns_(silence_ns) {}
 
-    int64_t instant(int64_t arrival_ns);
+    int64_t instant(int64_t arrival_ns, uint64_t periods = 0);  // 0: not known, then one
     void restart() { running_ = false; }
 
 private:

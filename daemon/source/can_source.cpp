@@ -5,6 +5,7 @@
 #include <cerrno>
 #include <cstring>
 #include <linux/can/error.h>
+#include <poll.h>
 #include <sys/epoll.h>
 
 #include "base/log.hpp"
@@ -40,6 +41,11 @@ CanSource::CanSource(const SourceConfig& config, int index, Consumer& consumer, 
 CanSource::~CanSource() {
     if (fd_ >= 0) loop_.remove(fd_);
     port_->close();
+}
+
+bool CanSource::waiting() const {
+    pollfd p{fd_, POLLIN, 0};
+    return fd_ >= 0 && ::poll(&p, 1, 0) > 0 && p.revents & POLLIN;
 }
 
 void CanSource::open() {

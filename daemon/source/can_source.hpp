@@ -16,6 +16,7 @@ public:
     bool can_send() const override { return true; }
     bool send(const canfd_frame& frame, bool fd) override;
     std::string address() const override { return port_->address(); }
+    bool waiting() const override;
 
 private:
     void open();

@@ -8,12 +8,15 @@ namespace gw {
 
 std::vector<RegisterBlock> plan_reads(const Config& config, const SourceConfig& source) {
     std::vector<RegisterBlock> wanted, plan;
-    for (const auto& d : config.drives)
-        for (const auto& s : d.signals)
-            if (s.source == source.name && s.address >= 0) {
-                const RegisterField f(s);
-                wanted.push_back({f.holding, f.address, f.count});
-            }
+    const auto want = [&](const FieldConfig& c) {
+        if (c.source != source.name || c.address < 0) return;
+        const RegisterField f(c);
+        wanted.push_back({f.holding, f.address, f.count});
+    };
+    for (const auto& d : config.drives) {
+        for (const auto& s : d.signals) want(s);
+        if (d.has_counter) want(d.counter);
+    }
     std::sort(wanted.begin(), wanted.end(), [](auto& a, auto& b) { return std::pair(a.holding, a.address) < std::pair(b.holding, b.address); });
     for (const auto& w : wanted) {
         RegisterBlock* last = plan.empty() ? nullptr : &plan.back();

@@ -50,6 +50,7 @@ public:
     virtual bool can_send() const { return false; }
     virtual bool send(const canfd_frame&, bool /*fd*/) { return false; }   // false: dropped, never queued
     virtual std::string address() const = 0;
+    virtual bool waiting() const { return false; }                         // messages have arrived that nobody has read yet
 
     void tick(double elapsed_s) {
         status_.rate_Hz = double(status_.frames - last_frames_) / elapsed_s;

@@ -51,6 +51,21 @@ TEST(Pace, ALossIsBelievedAfterARow) {
     EXPECT_EQ(got, t) << "after eight steady arrivals";
 }
 
+TEST(Pace, TheDrivesOwnCounterSaysHowManyPeriods) {
+    // Polls that see one to four counts at a time, each up to three periods late: the instants are those of the counts.
+    std::mt19937 random(7);
+    gw::Pacer pacer(kPeriod, kSilence);
+    int64_t count = 0;
+    double worst = 0;
+    for (int k = 0; k < 5000; ++k) {
+        const int64_t step = 1 + random() % 4, sampled = (count += step) * kPeriod;
+        const int64_t late = random() % 4 == 0 ? 20000 : random() % (3 * kPeriod);
+        const int64_t got = pacer.instant(1000000000 + sampled + late, uint64_t(step));
+        if (k > 50) worst = std::max(worst, std::abs(double(got - 1000000000 - sampled)));
+    }
+    EXPECT_LT(worst, 5e4);
+}
+
 TEST(Pace, SilenceBeginsAnewAndTimeNeverRunsBack) {
     gw::Pacer pacer(kPeriod, kSilence);
     int64_t last = pacer.instant(1000);

@@ -118,10 +118,14 @@ std::unique_ptr<Bus> open_modbus(const std::string &host, int port, const Setup 
 
 std::string modbus_config(const Setup &setup, const ConfigOptions &options, const std::string &host, int port) {
     ConfigOptions o = options;
-    o.dt_s = std::max(o.dt_s, 0.005);
+    o.dt_s = std::max(o.dt_s, 0.002);
+    char poll_s[24];  // twice a sample, where that is not too fast: every count is seen, those seen twice are told by the counter
+    std::snprintf(poll_s, sizeof poll_s, "%.9g", std::max(0.5 * options.dt_s, 0.002));
     std::string out = config_head(o) + "\n[[source]]\nname = \"bus\"\nkind = \"modbus_tcp\"\nhost = \"" + host + "\"\nport = " + std::to_string(port) +
-                      "\nunit = 1\npoll_s = 0.005\ntimeout_s = 0.3\n" + config_drive(o);
+                      "\nunit = 1\npoll_s = " + poll_s + "\ntimeout_s = 0.3\n" + config_drive(o);
     const auto wanted = signals_of(o.structure);
+    // A poll is late by the server's and the master's whims; the counter tells which sample it saw.
+    out += "paced = true\ngap_s = 0.1\ncount_s = " + std::to_string(options.dt_s) + "\n\n  [drive.counter]\n  source = \"bus\"\n  table = \"input\"\n  address = 0\n  encoding = \"u32\"\n";
     for (const auto &r : REGISTERS) {
         const std::string name = signal_name(r, setup.drive);
         if (name == "tau_Nm" || name == "F_N") continue;  // the current tells the same
@@ -130,6 +134,8 @@ std::string modbus_config(const Setup &setup, const ConfigOptions &options, cons
         if (!use) continue;
         out += "\n  [[drive.signal]]\n  name = \"" + name + "\"\n  source = \"bus\"\n  table = \"input\"\n  address = " + std::to_string(r.address) +
                "\n  registers = 2\n  encoding = \"" + r.encoding + "\"\n  word_order = \"big\"\n";
+        const bool mean = setup.sensors.average && (std::string(r.signal) == "current" || name == "i_d_A");
+        out += std::string("  hold = \"") + (mean || (name[0] == 'v' && name != "v_m_s") ? "average" : "instant") + "\"\n";
         char number[48];
         if (std::string(r.signal) == "position") {
             std::snprintf(number, sizeof number, setup.drive.linear ? "  scale = %.17g\n" : "  counts_per_turn = %.1f\n", setup.drive.linear ? 1 / setup.drive.counts : setup.drive.counts);

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The acts of the main job, played on a bus that is there: identify, follow a change of load, replay a recorded drive."""
+"""The acts of the main job, played on a bus that is there: identify, follow a change of load, replay a recorded drive; hidden.py has the last one."""
 import json
 import os
 import random
@@ -11,75 +11,22 @@ import time
 from pathlib import Path
 
 from gateway import Control, Programs
+from hidden import hidden_act
+from common import DAEMON, SIM, TOP, free_port, pace, rate_on, steadily, wait_for, watch
 from table import Screen, console, judged
-
-TOP = Path(__file__).resolve().parents[2]
-BUILD = Path(os.environ.get("DRIVEID_BUILD", TOP / "build"))
-SIM, DAEMON = BUILD / "tools/sim/driveid-sim", BUILD / "daemon/driveidd"
-
 
 def play(given):
     folder = Path(tempfile.mkdtemp(prefix="driveid-run-"))
     # A Unix socket's path is short; a folder of our own keeps others out.
     try:
         with Programs(folder) as programs:
-            verdicts = [*live_acts(given, programs), replay_act(given, programs)]
+            verdicts = [*live_acts(given, programs), replay_act(given, programs), *hidden_act(given, programs)]
     finally:
         shutil.rmtree(folder, ignore_errors=True)
     console.print()
     for passed, sentence in verdicts:
         console.print(("PASSED  " if passed else "FAILED  ") + sentence, style="green" if passed else "red")
     return 0 if all(passed for passed, _ in verdicts) else 1
-
-
-def free_port():
-    with socket.socket() as s:
-        s.bind(("127.0.0.1", 0))
-        return s.getsockname()[1]
-
-
-def pace(config):
-    """Say that the drive samples exactly: the sender shares this processor, and its frames leave late, by its scheduler's whim."""
-    config.write_text(config.read_text().replace("\ndt_s =", "\npaced = true\ngap_s = 0.05\ndt_s ="))
-
-
-def wait_for(condition, patience_s, what, check):
-    until = time.monotonic() + patience_s
-    while not condition():
-        check()
-        if time.monotonic() > until:
-            raise TimeoutError(f"{what} did not happen within {patience_s:g} s")
-        time.sleep(0.02)
-
-
-def watch(control, programs, title, truth, seconds, done):
-    """Show the first drive until done(drive, t_s) or the time is up; its last state, and whether it was done."""
-    started = time.monotonic()
-    with Screen(title) as screen:
-        while True:
-            programs.check()
-            drive, t_s = control.ask("status")["drives"][0], time.monotonic() - started
-            finished = done(drive, t_s)
-            over = finished or t_s > seconds
-            screen.show(drive, truth, t_s, final=over)
-            if over:
-                return drive, finished
-            time.sleep(0.1)
-
-
-def steadily(condition, seconds):
-    """A condition that has held for so long."""
-    since = None
-
-    def held(drive, t_s):
-        nonlocal since
-        if not condition(drive):
-            since = None
-        elif since is None:
-            since = t_s
-        return since is not None and t_s - since >= seconds
-
-    return held
 
 
 def misses(drive, truth):
@@ -103,7 +50,7 @@ def live_acts(given, programs):
     folder, luck = programs.folder, random.Random(given.seed)
     on_can = given.inside == "vcan"
     address = "can:vcan0" if on_can else f"modbus:127.0.0.1:{free_port()}"
-    rate_Hz = {"native": 1000, "uml": 500}.get(os.environ.get("VCAN_KIND"), 250)
+    rate_Hz = rate_on(given)
     factor, change_s = luck.choice([0.6, 0.7, 1.4, 1.7, 2.0]), given.seconds
     console.print(f"drive: rigid_axis drawn from seed {given.seed}, on {address}; its load inertia changes by a factor {factor:g} after {change_s:g} s")
     programs.start("driveid-sim", [SIM, "run", "--bus", address, "--seed", given.seed, "--rate", rate_Hz, "--load-change-at", change_s,
