@@ -148,6 +148,8 @@ std::string Gateway::record_header() const {
     for (auto& s : sources_) j.open('{').field("name", s->config().name).field("kind", s->config().kind).field("address", s->address()).close('}');
     j.close(']').key("drives").open('[');
     for (auto& d : drives_) j.string(d->config().name);
+    j.close(']').key("models").open('[');
+    for (auto& d : drives_) j.string(d->model_text());
     return j.close(']').field("config", config_.text).close('}').text();
 }
 

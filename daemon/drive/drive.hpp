@@ -65,6 +65,7 @@ public:
     double age_s(const ParameterReport& p, int64_t now_ns) const;
 
     const DriveConfig& config() const { return config_; }
+    const std::string& model_text() const { return model_text_; }  // of the model file, "" where there is none
     const driveid_online& online() const { return online_; }
     const std::vector<ParameterReport>& parameters() const { return parameters_; }
     std::vector<ParameterReport>& parameters() { return parameters_; }
@@ -108,6 +109,7 @@ private:
     DriveConfig config_;
     int index_;
     DriveListener& listener_;
+    std::string model_text_;
     driveid_model model_{};
     driveid_online online_{}, fresh_online_{};   // fresh: as configured, without memory of samples
     std::vector<std::max_align_t> estimator_, watch_;

@@ -40,7 +40,8 @@ void Drive::load_model(const Config& all) {
         std::stringstream text;
         text << file.rdbuf();
         if (!file) throw std::runtime_error(where(all, config_) + "model " + path + " cannot be read; check its name and permissions");
-        const driveid_status s = driveid_model_read(text.str().c_str(), &model_, reason, sizeof reason);
+        model_text_ = text.str();
+        const driveid_status s = driveid_model_read(model_text_.c_str(), &model_, reason, sizeof reason);
         if (s != DRIVEID_OK) throw std::runtime_error(where(all, config_) + "model " + path + ": " + clean(reason, s));
     } else {
         driveid_structure structure;

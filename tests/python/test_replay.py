@@ -61,10 +61,17 @@ def candump(path):
     path.write_text("\n".join(lines) + "\n")
 
 
-@pytest.mark.parametrize("type", ["f64", "f32"])
-def test_python_repeats_the_daemon(tmp_path, daemon, driveid, type):
+@pytest.mark.parametrize(("type", "model_file"), [("f64", False), ("f32", False), ("f64", True)])
+def test_python_repeats_the_daemon(tmp_path, daemon, driveid, type, model_file):
+    """A model file stands in the record: it need not be there when the record is replayed."""
     candump(tmp_path / "run.log")
-    (tmp_path / "gw.toml").write_text(CONFIG.format(folder=tmp_path, type=type))
+    config = CONFIG.format(folder=tmp_path, type=type)
+    if model_file:
+        lines = [line for line in config.splitlines() if not line.startswith(("structure =", "given ="))]
+        lines.insert(lines.index("[[drive]]") + 1, 'model = "axis.toml"')
+        config = "\n".join(lines) + "\n"
+        assert driveid("model", "new", "rigid_axis", "--given", "K_t_Nm_A=0.05", "-o", tmp_path / "axis.toml")[0] == 0
+    (tmp_path / "gw.toml").write_text(config)
     with open(tmp_path / "daemon.log", "w") as log:
         process = subprocess.Popen([daemon, str(tmp_path / "gw.toml")], cwd=tmp_path, stdout=log, stderr=log, stdin=subprocess.DEVNULL)
     try:
@@ -72,6 +79,7 @@ def test_python_repeats_the_daemon(tmp_path, daemon, driveid, type):
     finally:
         process.send_signal(signal.SIGTERM)
         assert process.wait(10) == 0, (tmp_path / "daemon.log").read_text()
+    (tmp_path / "axis.toml").unlink(missing_ok=True)
     result, check = online.replay_drec(tmp_path / "out.drec")
     assert check.compared >= 100 and check.identical == check.compared, f"worst relative difference {check.worst}"
     told = {p["name"]: p for p in status["drives"][0]["parameters"]}

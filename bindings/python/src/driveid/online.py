@@ -113,7 +113,7 @@ def replay_drec(path: str | os.PathLike, *, drive: str | None = None, model: Mod
         raise FileError(path, "holds no decoded sample of this drive", mend="Record with record_samples = true, or read the frames with --dbc")
     record = Record(path.name, t_ns, columns, path=str(path))
     options = {k: settings[k] for k in ("method", "type", "dt_s", *_OPTIONS) if k in settings} | changes
-    online, raw = _run(model or _model(path, settings), record, options.pop("method", "fsm"), options.pop("type", "f64"), options.pop("dt_s", None), 1, options,
+    online, raw = _run(model or _model(path, settings, _recorded_model(file, index)), record, options.pop("method", "fsm"), options.pop("type", "f64"), options.pop("dt_s", None), 1, options,
                        [(signal["name"], signal["hold"]) for signal in settings.get("signal", []) if signal.get("hold")])
     told = [e.t_ns for e in of_kind(file.entries, ESTIMATE) if e.source == index]
     keep = np.flatnonzero(np.isin(t_ns, told)) if told else None
@@ -134,7 +134,17 @@ def _drive(path: Path, file: DrecFile, drive: str | None) -> tuple[int, dict]:
     return index, tables[index]
 
 
-def _model(path: Path, settings: dict) -> Model:
+def _recorded_model(file: DrecFile, index: int) -> str:
+    models = file.header.get("models", [])
+    return models[index] if index < len(models) else ""
+
+
+def _model(path: Path, settings: dict, recorded: str) -> Model:
+    if recorded:
+        model = Model(recorded, settings.get("model", "model"))
+        for effect in settings.get("effects", []):
+            model = model.add(effect)
+        return model
     if "structure" in settings:
         model = Model.new(settings["structure"], {k: float(v) for k, v in settings.get("given", {}).items()})
         for effect in settings.get("effects", []):
