@@ -173,6 +173,10 @@ void Drive::gap(int source, uint64_t lost) {
     if (!uses(source)) return;
     counters_.dropped += lost;
     ++counters_.gaps;
+    gap_told_ = true;
+    driveid_estimator_gap(estimator());
+    driveid_online_gap(&online_);
+    if (!watch_.empty()) driveid_watch_gap(watcher());
     aligner_.restart();
     pacer_.restart();
 }
@@ -219,7 +223,8 @@ void Drive::sample(const driveid_sample& s) {
     if (filled == DRIVEID_ERR_VALUE) ++counters_.rejected;
     if (filled == DRIVEID_OK) {
         const driveid_status updated = driveid_estimator_update(estimator(), online_.t_ns, channel_);
-        if (updated == DRIVEID_GAP && !was_resting_) ++counters_.gaps;
+        if (updated == DRIVEID_GAP && !was_resting_ && !gap_told_) ++counters_.gaps;
+        gap_told_ = false;
         if (updated == DRIVEID_ERR_VALUE) ++counters_.rejected;
         was_resting_ = false;
     }

@@ -133,6 +133,7 @@ private:
     int64_t first_ns_ = 0, last_ns_ = 0, next_report_ns_ = 0, first_after_restart_ns_ = 0;
     double mean_dt_s_ = 0, jitter_ns_ = 0, first_trusted_s_ = -1;
     uint32_t restarts_seen_ = 0;
+    bool gap_told_ = false;          // this one is counted
     bool restarted_ = false, alarm_ = false, resting_ = false, was_resting_ = false;
     int64_t alarm_since_ns_ = 0;
     const char* likely_ = nullptr;   // effect of the last announcement

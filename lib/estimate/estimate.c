@@ -97,6 +97,10 @@ driveid_status driveid_estimator_estimate(const driveid_estimator *self, driveid
     return have && common->resting ? DRIVEID_FROZEN : common->status;
 }
 
+void driveid_estimator_gap(driveid_estimator *self) {
+    if (self) self->state.common.gap_told = 1;
+}
+
 void driveid_estimator_restart(driveid_estimator *self) {
     if (!self) return;
     const learn_method *learn = table[self->row].learn;

@@ -43,6 +43,7 @@ typedef struct driveid_svf_common {
     fsm_equation equation[DRIVEID_EQUATIONS_MAX];
     uint8_t stages, sections;
     uint8_t running;                         /* filters are started */
+    uint8_t gap_told;                        /* the next sample comes after a gap, however short */
     int8_t chosen[DRIVEID_EQUATIONS_MAX];    /* stage of the last answer, -1: none */
     int64_t first_ns, segment_ns, last_ns, row_ns, last_row_ns, solve_ns, last_solve_ns, gap_ns;
     int64_t restart_ns;                      /* stamp of the last restart by alarm */

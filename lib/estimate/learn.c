@@ -33,6 +33,7 @@ static void start(learner *self, const learn_method *method, int64_t t_ns, const
     common->segment_ns = common->last_ns = t_ns;
     for (unsigned k = 0; k < LEARN_STAGES; k++) self->last_row_ns[k] = t_ns;
     common->running = 1;
+    common->gap_told = 0;
     common->samples++;
     common->resting = common->forgetting_paused = 0;
     for (unsigned e = 0; e < common->regression.equations; e++) driveid_monitor_skip(&common->monitor[e]);
@@ -113,7 +114,7 @@ driveid_status learn_update(learner *self, const learn_method *method, int64_t t
     }
     const int64_t dt_ns = t_ns - common->last_ns;
     if (dt_ns <= 0) return dt_ns == 0 ? DRIVEID_DUPLICATE : DRIVEID_ERR_TIME;
-    if (dt_ns > common->gap_ns) return gap(self, method, t_ns, channel);
+    if (dt_ns > common->gap_ns || common->gap_told) return gap(self, method, t_ns, channel);
     method->step(self, dt_ns, channel);
     common->last_ns = t_ns;
     common->samples++;

@@ -310,6 +310,11 @@ void driveid_watch_sample(driveid_watch *w, const driveid_sample *sample) {
     if (t_ns - w->start_ns > w->settle_ns) row(w, 1e-9 * (double)since);
 }
 
+void driveid_watch_gap(driveid_watch *w) {
+    driveid_online_gap(&w->online);
+    w->running = 0;
+}
+
 /* ---- reference ---- */
 
 static int usable(const driveid_watch *w, const driveid_estimate *e, driveid_status status, double *theta) {

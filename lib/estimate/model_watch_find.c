@@ -113,8 +113,7 @@ watch_finding watch_find(const driveid_watch *w, const double *theta) {
         const watch_candidate *c = &w->candidate[k];
         if (!(taken[k] > 0) || taken[k] < NEARLY * most) continue;
         const int simpler = f.best < 0 || c->columns < w->candidate[f.best].columns;
-        const int alike = f.best >= 0 && c->columns == w->candidate[f.best].columns && taken[k] > taken[f.best];
-        if (!simpler && !alike) continue;
+        if (!simpler) continue; /* among alike ones the first of the list: what the model has, then the commonest */
         f.best = (int)k;
         f.share = rr > 0 ? taken[k] / rr : 0;
         f.t2 = statistic(taken[k], rr - taken[k], w->weight, c->columns);

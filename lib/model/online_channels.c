@@ -71,6 +71,10 @@ static driveid_status push(driveid_online *o, const driveid_sample *sample) {
     return o->ring_fill < (o->delayed ? DRIVEID_ONLINE_RING : 1) ? DRIVEID_NOT_YET : DRIVEID_OK;
 }
 
+void driveid_online_gap(driveid_online *online) {
+    if (online) online->ring_fill = online->past_fill = 0;
+}
+
 static double fill(driveid_online *o, const driveid_sample *sample, const driveid_online_channel *f) {
     switch (f->kind) {
     case ONLINE_SIGNAL: return sample->value[f->a];

@@ -187,6 +187,19 @@ TEST(Path, TheCounterTellsLossRepetitionAndReorderingApart) {
     EXPECT_EQ(rig.ear.samples, 301);
 }
 
+TEST(Path, FramesThatTheKernelDroppedAreAGapForTheEstimator) {
+    Rig rig;
+    rig.run(4000);
+    const driveid_estimate before = rig.drive->estimate();
+    rig.axis.theta += 300;  // the drive moved on while three frames were lost: no trajectory joins the two ends
+    rig.now += 3;
+    rig.drive->gap(0, 3);
+    rig.run(4000);
+    EXPECT_EQ(rig.drive->counters().gaps, 1u);
+    EXPECT_EQ(rig.drive->estimate().restarts, before.restarts) << "not an alarm";
+    EXPECT_NEAR(rig.drive->parameters()[0].value, kJ, 0.01 * kJ);
+}
+
 TEST(Path, AnEncoderResetIsAJumpNotAMove) {
     Rig rig("", "max_rate = 5000");
     rig.run(4000);

@@ -161,6 +161,22 @@ TEST(Estimator, GapRestartsTheFiltersAndKeepsWhatWasLearnt) {
     EXPECT_EQ(late.restarts, 0u);
 }
 
+TEST(Estimator, AGapThatIsToldIsAGapHoweverShort) {
+    Estimator e;
+    Drive run;
+    run.feed(e, 6000);
+    run.axis.omega = -7, run.axis.theta += 100; // what the lost samples would have said
+    run.k += 2;                                 // far below gap_s
+    driveid_estimator_gap(e.get());
+    EXPECT_EQ(e.feed(1 + run.k * ms, run.theta(), torque(run.k * 1e-3)), DRIVEID_GAP);
+    run.axis.step(torque(run.k * 1e-3), 1e-3);
+    run.k++;
+    run.feed(e, 6000);
+    const auto after = e.ask();
+    EXPECT_NEAR(after.theta[0], 1.2e-4, 1.2e-4 * 2e-3);
+    EXPECT_EQ(after.restarts, 0u);
+}
+
 TEST(Estimator, StampsMayJitterAndSkip) {
     Estimator e;
     Rng g(3);

@@ -87,6 +87,8 @@ driveid_status driveid_estimator_configure(driveid_estimator *self, size_t size,
 driveid_status driveid_estimator_update(driveid_estimator *self, int64_t t_ns, const double *channel);
 /* Costs a copy: update keeps the answer current (every 20 ms, or every 3/bandwidth where that is longer). */
 driveid_status driveid_estimator_estimate(const driveid_estimator *self, driveid_estimate *out);
+/* Samples are known to be lost before the next one: it is taken as the first after a gap, however short the silence. */
+void driveid_estimator_gap(driveid_estimator *self);
 void driveid_estimator_restart(driveid_estimator *self);
 
 #ifdef __cplusplus

@@ -165,6 +165,9 @@ driveid_status driveid_online_hold(driveid_online *online, driveid_signal signal
  *   DRIVEID_ERR_VALUE, DRIVEID_ERR_TIME  the sample was ignored */
 driveid_status driveid_online_channels(driveid_online *online, const driveid_sample *sample, double *channel);
 
+/* Samples are known to be lost before the next one: speed is not taken across the hole. */
+void driveid_online_gap(driveid_online *online);
+
 /* theta -> physical parameters with propagated 95 % intervals (delta method on the covariance). out[physical].
  * Inductances: where the voltage is held or averaged over a sample, readings of the current see the kinks between them only through
  * theta_L = R dt/2 coth(R dt/(2 L)); L comes out of that (2 % at dt = L/(2 R), nothing at dt << L/R). Everything else is theta itself. */

@@ -57,6 +57,9 @@ driveid_status driveid_watch_init(driveid_watch *watch, const driveid_online *on
 /* Every sample, in order. */
 void driveid_watch_sample(driveid_watch *watch, const driveid_sample *sample);
 
+/* Samples are known to be lost before the next one. */
+void driveid_watch_gap(driveid_watch *watch);
+
 /* The estimator's answer, where it is new: it becomes the reference where there is none, and once a mismatch is explained by other parameters alone. */
 void driveid_watch_estimate(driveid_watch *watch, const driveid_estimate *estimate, driveid_status status);
 
