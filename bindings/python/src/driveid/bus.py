@@ -42,10 +42,15 @@ class Recorded:
     frames: int = 0
     errors: int = 0
     bytes: int = 0
+    reopened: int = 0
 
 
-def record(bus, path: Path, address: str, *, seconds: float | None = None, progress: Callable[[Recorded], None] | None = None) -> Recorded:
-    """Everything that comes over the bus, until `seconds` are over or KeyboardInterrupt. A bad line of an adapter is counted, never fatal."""
+def record(bus, path: Path, address: str, *, seconds: float | None = None, reopen: Callable | None = None,
+           progress: Callable[[Recorded], None] | None = None, say: Callable[[str], None] = lambda text: None) -> Recorded:
+    """Everything that comes over the bus, until `seconds` are over or KeyboardInterrupt.
+
+    A bad line of an adapter is counted, never fatal. An adapter that is pulled out is waited for: `reopen` gives the bus anew; without it the
+    record ends there. The caller closes `bus`; a bus that was opened anew is closed here."""
     interface = address.partition(":")[0]
     clock = CLOCK_KERNEL if interface == "socketcan" else CLOCK_DAEMON
     told = Recorded()
@@ -56,7 +61,7 @@ def record(bus, path: Path, address: str, *, seconds: float | None = None, progr
     except OSError as e:
         raise FileError(path, f"cannot be written ({e.strerror})") from None
     end = None if seconds is None else time.monotonic() + seconds
-    said = time.monotonic()
+    said, first = time.monotonic(), bus
     with writer:
         try:
             while end is None or time.monotonic() < end:
@@ -64,8 +69,19 @@ def record(bus, path: Path, address: str, *, seconds: float | None = None, progr
                     message = bus.recv(timeout=0.1 if end is None else max(min(0.1, end - time.monotonic()), 0))
                 except KeyboardInterrupt:
                     raise
-                except Exception:  # a damaged line on a serial adapter
-                    told.errors += 1
+                except Exception as e:
+                    if not _gone(e):  # a damaged line on a serial adapter
+                        told.errors += 1
+                        _forget_line(bus)
+                        continue
+                    writer.event(time.monotonic_ns(), "warning", "can", f"the adapter is gone ({e})")
+                    say(f"{address} is gone ({e})" + ("; it is waited for" if reopen else ""))
+                    bus = _again(bus, reopen, end)
+                    if bus is None:
+                        break
+                    told.reopened += 1
+                    writer.event(time.monotonic_ns(), "info", "can", "the adapter is back")
+                    say(f"{address} is back")
                     continue
                 if message is not None:
                     told.frames += 1
@@ -78,8 +94,44 @@ def record(bus, path: Path, address: str, *, seconds: float | None = None, progr
                         progress(told)
         except KeyboardInterrupt:
             pass
+        finally:
+            if bus is not None and bus is not first:
+                close(bus)
     told.bytes = writer.bytes
     return told
+
+
+def _gone(error: Exception) -> bool:
+    """Whether the adapter itself failed, not one line of it (python-can wraps both alike)."""
+    import can
+
+    return isinstance(error, OSError) or (isinstance(error, can.CanError) and not isinstance(error.__cause__, ValueError))
+
+
+def _forget_line(bus) -> None:
+    """python-can keeps an slcan line that is no ASCII, and would fail on it for ever."""
+    if hasattr(line := getattr(bus, "_buffer", None), "clear"):
+        line.clear()
+
+
+def close(bus) -> None:
+    """Let go of a bus, also of one whose adapter is gone."""
+    try:
+        bus.shutdown()
+    except Exception:  # closing what is gone may fail in any way
+        pass
+
+
+def _again(bus, reopen: Callable | None, end: float | None):
+    """The bus opened anew, tried twice a second; None where time is over or nobody can open it."""
+    close(bus)
+    while reopen and (end is None or time.monotonic() < end):
+        time.sleep(0.5)
+        try:
+            return reopen()
+        except DriveidError:
+            continue
+    return None
 
 
 def _write(writer: DrecWriter, message, clock: int) -> None:

@@ -107,10 +107,13 @@ def record(file: str, socket: str, bus: str | None, bitrate: int | None, fd: boo
         _record_gateway(file, socket, seconds)
         return
     path = Path(file)
-    with adapters.open_bus(bus, bitrate=bitrate, fd=fd) as opened:
+    opened = adapters.open_bus(bus, bitrate=bitrate, fd=fd)
+    try:
         say(f"recording {bus} into {path}" + ("" if seconds else "; Ctrl-C ends"))
-        told = adapters.record(opened, path, bus, seconds=seconds)
-    say(f"{told.frames} frames, {told.bytes} bytes" + (f", {told.errors} unreadable lines" if told.errors else ""))
+        told = adapters.record(opened, path, bus, seconds=seconds, reopen=lambda: adapters.open_bus(bus, bitrate=bitrate, fd=fd), say=say)
+    finally:
+        adapters.close(opened)
+    say(f"{told.frames} frames, {told.bytes} bytes" + (f", {told.errors} unreadable lines" if told.errors else "") + (f", the adapter came back {told.reopened} times" if told.reopened else ""))
 
 
 def _record_gateway(name: str, socket: str, seconds: float | None) -> None:

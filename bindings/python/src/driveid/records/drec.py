@@ -113,6 +113,7 @@ class DrecWriter:
                              "sources": sources, "config": config}).encode()
         self._file = open(self.path, "xb")
         self._write(MAGIC + struct.pack("<II", VERSION, len(header)) + header)
+        self._file.flush()
 
     def _write(self, data: bytes) -> None:
         self._file.write(data)
@@ -130,6 +131,9 @@ class DrecWriter:
 
     def mark(self, t_ns: int, text: str) -> None:
         self.add(MARK, t_ns, json.dumps({"text": text}).encode())
+
+    def event(self, t_ns: int, level: str, component: str, text: str) -> None:
+        self.add(EVENT, t_ns, json.dumps({"event": "event", "t_ns": t_ns, "level": level, "component": component, "text": text, "mend": "", "count": 1}).encode())
 
     def flush(self) -> None:
         self._file.flush()
