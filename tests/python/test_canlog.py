@@ -65,7 +65,7 @@ def write(path, frames):
     return path
 
 
-@pytest.mark.parametrize("kind, stamp_ns_error", [("log", 0), ("asc", 1000), ("blf", 1000), ("trc", 1_000_000)])
+@pytest.mark.parametrize("kind, stamp_ns_error", [("log", 0), ("asc", 1000), ("blf", 1000), ("mf4", 1000), ("trc", 1_000_000)])
 def test_each_format_gives_the_same_table(tmp_path, dbc, kind, stamp_ns_error):
     frames, truth = messages()
     r = driveid.read(write(tmp_path / f"run.{kind}", frames), ["theta_rad=pos:counts/65536", "i_q_A=i_q", "T_degC=T"], dbc=dbc)
@@ -161,3 +161,79 @@ def test_errors(tmp_path, dbc):
         driveid.read(tmp_path / "bad.blf", dbc=dbc)
     with pytest.raises(UsageError, match="no column 'iq'. Did you mean 'i_q'"):
         driveid.read(path, ["i_q_A=iq"], dbc=dbc)
+
+
+J1939 = """VERSION ""
+BU_: x
+BO_ 2565867774 EEC: 8 x
+ SG_ omega_rad_s : 24|16@1+ (0.125,0) [0|0] "rpm" x
+ SG_ T_degC : 0|8@1+ (1,-40) [0|0] "degC" x
+BO_ 2564849406 told : 8 x
+ SG_ i_A : 0|16@1+ (0.05,-1600) [0|0] "A" x
+BA_DEF_ BO_ "VFrameFormat" ENUM "StandardCAN","ExtendedCAN","reserved","J1939PG";
+BA_DEF_ "ProtocolType" STRING ;
+BA_DEF_DEF_ "VFrameFormat" "J1939PG";
+BA_DEF_DEF_ "ProtocolType" "";
+BA_ "ProtocolType" "J1939";
+BA_ "VFrameFormat" BO_ 2565867774 3;
+BA_ "VFrameFormat" BO_ 2564849406 3;
+"""
+
+
+def test_j1939_groups_of_any_priority_sender_and_destination(tmp_path):
+    """PGN 0xF004 is broadcast; 0xEF00 is addressed, so that its low byte is the destination. 0xFE.. and 0xFF.. are error and 'not available'."""
+    text = J1939.replace("2565867774", str(0x80000000 | 0x0CF004FE)).replace("2564849406", str(0x80000000 | 0x18EF00FE)).replace("told :", "told:")
+    (tmp_path / "j.dbc").write_text(text)
+    eec, told = cantools.database.load_file(tmp_path / "j.dbc").messages
+    assert {eec.protocol, told.protocol} == {"j1939"}
+    frames = []
+    for k in range(40):
+        t = round(START + 0.01 * k, 6)
+        frames.append(can.Message(timestamp=t, arbitration_id=(0x18F00411, 0x0CF00422)[k % 2], is_extended_id=True, data=eec.encode({"omega_rad_s": 100.0 + k, "T_degC": 20 + k})))
+        frames.append(can.Message(timestamp=t + 1e-4, arbitration_id=0x1CEF0000 | k << 8 | 0x33, is_extended_id=True, data=told.encode({"i_A": 0.05 * k})))
+    frames[20].data[3:5] = b"\xff\xff"
+    frames[22].data[0] = 0xFE
+    frames.append(can.Message(timestamp=START + 9, arbitration_id=0x18F00511, is_extended_id=True, data=bytes(8)))  # another group
+    r = driveid.read(write(tmp_path / "j.log", frames), dbc=tmp_path / "j.dbc")
+    assert r.rows == 40 and any("PGN 61444) comes from 2 identifiers" in n for n in r.notices)
+    speed = r["omega_rad_s"] * 60 / (2 * np.pi)
+    np.testing.assert_allclose(speed[:-1], 100.01 + np.arange(39), rtol=1e-6)  # at the instants of i_A, 0.1 ms later; not 8191.875 where it is not available
+    assert np.nanmax(r["T_degC"]) < 60
+    np.testing.assert_allclose(r["i_A"], 0.05 * np.arange(40), atol=1e-9)
+
+
+def test_a_page_of_a_page(tmp_path):
+    (tmp_path / "m.dbc").write_text("""VERSION ""
+BU_: x
+BO_ 512 mux: 8 x
+ SG_ outer M : 0|4@1+ (1,0) [0|0] "" x
+ SG_ inner m1M : 4|4@1+ (1,0) [0|0] "" x
+ SG_ i_q_A m2 : 8|16@1- (0.01,0) [0|0] "A" x
+ SG_ T_degC m2 : 8|16@1- (0.01,0) [0|0] "degC" x
+SG_MUL_VAL_ 512 inner outer 1-1;
+SG_MUL_VAL_ 512 i_q_A inner 2-3, 5-5;
+SG_MUL_VAL_ 512 T_degC outer 2-2;
+""")
+    message = cantools.database.load_file(tmp_path / "m.dbc").messages[0]
+    pages = [{"outer": 1, "inner": 2}, {"outer": 1, "inner": 5}, {"outer": 2}]
+    frames = []
+    for k in range(30):
+        page = pages[k % 3]
+        name = "i_q_A" if page["outer"] == 1 else "T_degC"
+        frames.append(can.Message(timestamp=round(START + 0.001 * k, 6), arbitration_id=512, is_extended_id=False, data=message.encode({**page, name: 0.01 * k})))
+    frames.append(can.Message(timestamp=START + 0.03, arbitration_id=512, is_extended_id=False, data=bytes([0x22, 0, 127])))  # inner 2, but on another page of outer
+    r = driveid.read(write(tmp_path / "m.log", frames), dbc=tmp_path / "m.dbc")
+    np.testing.assert_allclose(r["i_q_A"], [0.01 * k for k in range(30) if k % 3 != 2])
+
+
+def test_mdf_of_frames_needs_a_database_and_is_replayed(tmp_path, dbc):
+    from driveid import bus
+
+    frames, _ = messages(20)
+    path = write(tmp_path / "run.mf4", frames)
+    with pytest.raises(UsageError, match="--dbc FILE.dbc.*181"):
+        driveid.read(path)
+    assert sorted(data for _, _, _, data in bus.load_frames(path)) == sorted(bytes(m.data) for m in frames)
+    (tmp_path / "cut.mf4").write_bytes(path.read_bytes()[:700])
+    with pytest.raises(FileError, match="cut.mf4"):
+        driveid.read(tmp_path / "cut.mf4", dbc=dbc)

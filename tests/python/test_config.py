@@ -2,6 +2,7 @@
 """Configurations for the gateway: templates and signals out of a DBC; driveidd itself is asked where it is built."""
 
 import os
+import subprocess
 import tomllib
 
 import pytest
@@ -61,3 +62,55 @@ def test_import_dbc_errors(driveid):
     assert code == 2 and "--map i_q_A=SIGNAL" in err and "Iq" in err
     code, _, err = driveid("config", "import-dbc", "none.dbc")
     assert code == 2 and "none.dbc" in err
+
+
+PAGES = """VERSION ""
+BU_: d
+BO_ 512 mux: 8 d
+ SG_ sel M : 7|8@0+ (1,0) [0|0] "" d
+ SG_ i_q_A m3 : 8|16@1- (0.01,0) [0|0] "A" d
+ SG_ T_degC m4 : 8|8@1+ (1,-40) [0|0] "degC" d
+BO_ 2565866750 EEC: 8 d
+ SG_ omega_rad_s : 24|16@1+ (0.125,0) [0|0] "rpm" d
+BA_DEF_ BO_ "VFrameFormat" ENUM "StandardCAN","ExtendedCAN","reserved","J1939PG";
+BA_DEF_ "ProtocolType" STRING ;
+BA_DEF_DEF_ "VFrameFormat" "StandardCAN";
+BA_DEF_DEF_ "ProtocolType" "";
+BA_ "ProtocolType" "J1939";
+BA_ "VFrameFormat" BO_ 2565866750 3;
+"""
+
+
+def test_import_dbc_with_pages_and_j1939_reads_what_cantools_encodes(driveid, daemon):
+    """The imported configuration, run by the daemon over a log, gives the encoded values: the selector is Motorola, the signals are Intel."""
+    import cantools
+
+    (driveid.folder / "d.dbc").write_text(PAGES.replace("2565866750", str(0x80000000 | 0x0CF004FE)))
+    pages, eec = cantools.database.load_file(driveid.folder / "d.dbc").messages
+    code, _, err = driveid("config", "import-dbc", "d.dbc", "--structure", "rigid_axis", "--dt", "0.01", "-o", "gw.toml")
+    assert code == 0, err
+    text = (driveid.folder / "gw.toml").read_text()
+    signals = {s["name"]: s for s in tomllib.loads(text)["drive"][0]["signal"]}
+    assert signals["i_q_A"]["mux"] == {"start_bit": 0, "length": 8, "value": 3} and signals["T_degC"]["mux"]["value"] == 4
+    assert signals["omega_rad_s"]["pgn"] == 0xF004 and "can_id" not in signals["omega_rad_s"]
+    lines = []
+    for k in range(50):
+        t = 1_700_000_000 + 0.01 * k
+        for offset, page in ((0, {"sel": 3, "i_q_A": 0.01 * k}), (1e-4, {"sel": 4, "T_degC": 20 + k})):
+            lines.append(f"({t + offset:.6f}) can0 200#{pages.encode(page).hex()}")
+        data = bytearray(eec.encode({"omega_rad_s": 10.0 * k}))
+        if k == 30:
+            data[3:5] = b"\xff\xff"  # not available
+        lines.append(f"({t + 2e-4:.6f}) can0 18F004{k:02X}#{data.hex()}")
+    (driveid.folder / "a.log").write_text("\n".join(lines) + "\n")
+    text = text.replace('kind = "socketcan"\ninterface = "can0"', 'kind = "replay"\nfile = "a.log"\nspeed = 0.0').replace("/var/lib/driveid/records", str(driveid.folder))
+    text = text.replace("/run/driveid/control.sock", str(driveid.folder / "c.sock")).replace("[record]\n", '[record]\nfile = "out.drec"\n')
+    (driveid.folder / "gw.toml").write_text(text)
+    done = subprocess.run([daemon, "gw.toml", "--exit-at-end"], cwd=driveid.folder, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    import driveid as package
+    record = package.read(driveid.folder / "out.drec")
+    speed = record["omega_rad_s"] * 30 / 3.141592653589793
+    k = [j for j in range(50) if j != 30]
+    assert record.rows == 49 and record["i_q_A"] == pytest.approx([0.01 * j for j in k]) and speed == pytest.approx([10.0 * j for j in k])
+    assert record["T_degC"] == pytest.approx([20 + j for j in k])

@@ -9,7 +9,8 @@ from pathlib import Path
 from . import units
 from ._core import SIGNALS
 from .errors import UsageError, close_names
-from .records.dbc import load_dbc
+from .records.dbc import j1939_last, load_dbc
+from .records.frames import pgn_of
 from .records.mapping import Source, parse_maps
 
 _HEAD = """# Configuration of driveidd. `driveidd --check FILE` says what is wrong; `driveidd --manual` lists every key.
@@ -118,7 +119,7 @@ def from_dbc(path: Path, maps, *, interface: str, structure: str, drive: str, dt
         dt_s = min(cycle) * 1e-3 if cycle else 0.001
         if not cycle:
             notices.append("the DBC tells no cycle time: dt_s = 0.001 is a guess, mend it")
-    blocks = [_signal(m, s, name, unit) for m, s, name, unit in chosen]
+    blocks = [_signal(m, s, name, unit, notices) for m, s, name, unit in chosen]
     text = _HEAD + f'\n[[source]]\nname = "can0"\nkind = "socketcan"\ninterface = "{interface}"\n'
     if any(m.is_fd for m, _, _, _ in chosen):
         text += "fd = true\n"
@@ -148,7 +149,7 @@ def _choose(path: Path, found, maps: dict[str, Source]):
     return chosen, notices
 
 
-def _signal(message, signal, name: str, unit: str) -> str:
+def _signal(message, signal, name: str, unit: str, notices: list[str]) -> str:
     negated = unit.startswith("-")
     unit = unit.lstrip("-")
     try:
@@ -160,9 +161,11 @@ def _signal(message, signal, name: str, unit: str) -> str:
     scale = float(signal.scale) * convert.factor
     offset = float(signal.offset) * convert.factor + convert.offset
     lines = [f'\n  [[drive.signal]]\n  name = "{name}"  # {message.name}.{signal.name}' + (f" [{signal.unit}]" if signal.unit else ""),
-             '  source = "can0"', f"  can_id = 0x{message.frame_id:X}"]
-    if message.is_extended_frame:
-        lines.append("  extended = true")
+             '  source = "can0"']
+    if message.protocol == "j1939":
+        lines.append(f"  pgn = {pgn_of(message.frame_id)}  # any priority and sender")
+    else:
+        lines += [f"  can_id = 0x{message.frame_id:X}"] + ["  extended = true"] * message.is_extended_frame
     lines += [f"  start_bit = {signal.start}", f"  length = {signal.length}", f'  byte_order = "{"little" if signal.byte_order == "little_endian" else "big"}"']
     if signal.is_float:
         lines.append(f'  encoding = "f{signal.length}"')
@@ -174,8 +177,23 @@ def _signal(message, signal, name: str, unit: str) -> str:
         lines.append(f"  offset = {offset!r}")
     if angle and signal.length < 53:
         lines.append(f"  wrap_counts = {1 << signal.length}")
+    elif message.protocol == "j1939" and not signal.is_signed and not signal.is_float:
+        lines.append(f"  {'max' if scale > 0 else 'min'} = {(j1939_last(signal.length) + 0.5) * scale + offset!r}  # beyond it: error, or not available")
     if signal.multiplexer_ids:
-        mux = message.get_signal_by_name(signal.multiplexer_signal)
-        lines.append(f"  mux = {{ start_bit = {mux.start}, length = {mux.length}, value = {signal.multiplexer_ids[0]} }}")
+        lines.append(_mux(message, signal, notices))
     assert math.isfinite(scale)
     return "\n".join(lines) + "\n"
+
+
+def _mux(message, signal, notices: list[str]) -> str:
+    mux = message.get_signal_by_name(signal.multiplexer_signal)
+    if mux.multiplexer_ids:
+        raise UsageError(f"{message.name}.{signal.name} stands on a page of a page ({mux.multiplexer_signal}, then {mux.name}); the gateway reads one selector: choose another signal with --map")
+    if len(signal.multiplexer_ids) > 1:
+        notices.append(f"{message.name}.{signal.name} stands on pages {', '.join(map(str, signal.multiplexer_ids))} of {mux.name}: page {signal.multiplexer_ids[0]} is read")
+    start = mux.start
+    if mux.byte_order != signal.byte_order:  # the gateway reads the selector in the signal's order
+        if (mux.start % 8 + 1 < mux.length) if mux.byte_order == "big_endian" else (mux.start % 8 + mux.length > 8):
+            raise UsageError(f"{message.name}.{mux.name} spans bytes in another order than {signal.name}: choose another signal with --map")
+        start += (1 - mux.length) if mux.byte_order == "big_endian" else mux.length - 1
+    return f"  mux = {{ start_bit = {start}, length = {mux.length}, value = {signal.multiplexer_ids[0]} }}"

@@ -65,8 +65,12 @@ def _load(path: Path, dbc: list[Path], maps: dict[str, Source], drive: str | Non
         from .dbc import table_from_frames
         return table_from_frames(path, digest, read_frames(path, blob), dbc, maps)
     if suffix in (".mf4", ".mdf"):
-        from .mdf import read_mdf
-        return read_mdf(path, digest)
+        from .mdf import holds_frames, read_mdf
+        if not holds_frames(path):
+            return read_mdf(path, digest)
+        from .canlog import read_frames
+        from .dbc import table_from_frames
+        return table_from_frames(path, digest, read_frames(path, blob), dbc, maps)
     if suffix in TABLES or suffix == "":
         from .csvfile import read_csv
         return read_csv(path, blob, digest)

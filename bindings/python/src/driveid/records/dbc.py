@@ -11,7 +11,7 @@ import numpy as np
 from .. import _core
 from ..errors import FileError, UsageError
 from ..units import signal_of
-from .frames import EFF, Frames, extract, unwrap
+from .frames import EFF, Frames, extract, pgn_of, unwrap
 from .mapping import Source
 from .table import RawColumn, RawTable
 
@@ -66,10 +66,12 @@ def decode(frames: Frames, database, path: Path, maps: dict[str, Source]) -> lis
     angles = _angles(database, maps)
     tracks: list[Track] = []
     for message in database.messages:
-        can_id = message.frame_id | (EFF if message.is_extended_frame else 0)
-        if can_id not in frames.stamps:
+        ids = identifiers(message, frames)
+        if not ids:
             continue
-        t_ns, data, lengths = frames.of(can_id)
+        if len(ids) > 1:
+            frames.notices.append(f"message {message.name} (PGN {pgn_of(message.frame_id)}) comes from {len(ids)} identifiers ({', '.join(f'{i & 0x1FFFFFFF:X}' for i in ids[:4])}): taken together")
+        t_ns, data, lengths = frames.of_all(ids)
         for signal in message.signals:
             track = _track(message, signal, t_ns, data, lengths, {signal.name, f"{message.name}.{signal.name}"} & angles)
             if len(track.t_ns):
@@ -79,6 +81,30 @@ def decode(frames: Frames, database, path: Path, maps: dict[str, Source]) -> lis
         known = ", ".join(f"{m.frame_id:X}" for m in database.messages[:12])
         raise FileError(path, f"no identifier of the log is in the database: log {there}; database {known}", mend="Is it the DBC of this bus?")
     return tracks
+
+
+def identifiers(message, frames: Frames) -> list[int]:
+    """The identifiers under which a message is in the log; a J1939 group has any priority and sender."""
+    if message.protocol == "j1939":
+        return frames.group(pgn_of(message.frame_id))
+    can_id = message.frame_id | (EFF if message.is_extended_frame else 0)
+    return [can_id] if can_id in frames.stamps else []
+
+
+def j1939_last(length: int) -> int:
+    """The last raw number of a J1939 value; above it are error and 'not available' (SAE J1939-71 keeps 0xFB and up of the top byte)."""
+    return (0xFB << (length - 8)) - 1 if length in (8, 16, 24, 32) else (1 << length) - 2
+
+
+def _pages(message, signal, data, lengths) -> np.ndarray:
+    """Rows whose selectors, one inside another, show the page of a multiplexed signal."""
+    ok = np.ones(len(data), dtype=bool)
+    while signal.multiplexer_ids is not None and signal.multiplexer_signal is not None:
+        mux = message.get_signal_by_name(signal.multiplexer_signal)
+        selector, there = extract(data, lengths, mux.start, mux.length, mux.byte_order == "little_endian", False)
+        ok &= there & np.isin(selector, signal.multiplexer_ids)
+        signal = mux
+    return ok
 
 
 def _angles(database, maps: dict[str, Source]) -> set[str]:
@@ -97,10 +123,9 @@ def _angles(database, maps: dict[str, Source]) -> set[str]:
 def _track(message, signal, t_ns, data, lengths, position) -> Track:
     little = signal.byte_order == "little_endian"
     raw, ok = extract(data, lengths, signal.start, signal.length, little, signal.is_signed and not signal.is_float)
-    if signal.multiplexer_ids is not None and signal.multiplexer_signal is not None:
-        mux = message.get_signal_by_name(signal.multiplexer_signal)
-        selector, there = extract(data, lengths, mux.start, mux.length, mux.byte_order == "little_endian", False)
-        ok = ok & there & np.isin(selector, signal.multiplexer_ids)
+    ok &= _pages(message, signal, data, lengths)
+    if message.protocol == "j1939" and not signal.is_signed and not signal.is_float and not position:
+        ok &= (raw >= 0) & (raw <= j1939_last(signal.length))
     t_ns, raw = t_ns[ok], raw[ok]
     scale, offset = float(signal.scale), float(signal.offset)
     if signal.is_float:

@@ -10,6 +10,12 @@ import numpy as np
 EFF, RTR, ERR = 0x80000000, 0x40000000, 0x20000000  # flag bits of a Linux can_id
 
 
+def pgn_of(can_id: int) -> int:
+    """J1939 parameter group of a 29-bit identifier; in addressed groups (PDU format below 240) the destination is no part of it."""
+    pgn = can_id >> 8 & 0x3FFFF
+    return pgn & 0x3FF00 if pgn >> 8 & 0xFF < 240 else pgn
+
+
 @dataclass
 class Frames:
     """can_id (with EFF flag) -> (t_ns, payload rows, payload lengths)."""
@@ -32,6 +38,19 @@ class Frames:
 
     def count(self) -> int:
         return sum(len(s) for s in self.stamps.values())
+
+    def group(self, pgn: int) -> list[int]:
+        """Identifiers of a J1939 parameter group: any priority, sender and destination."""
+        return [i for i in self.stamps if i & EFF and pgn_of(i) == pgn]
+
+    def of_all(self, can_ids: list[int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The same as of() for several identifiers, in the order of their stamps."""
+        if len(can_ids) == 1:
+            return self.of(can_ids[0])
+        merged = Frames()
+        for t_ns, payload in sorted((row for i in can_ids for row in zip(self.stamps[i], self.payloads[i])), key=lambda row: row[0]):
+            merged.add(0, t_ns, payload)
+        return merged.of(0)
 
     def of(self, can_id: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(t_ns[n], data[n, width] zero padded, length[n])"""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""MDF4 through asammdf (an extra): every channel brought to the stamps of the longest channel group."""
+"""MDF4 through asammdf (an extra): every channel brought to the stamps of the longest channel group; frames of bus logging as other CAN logs."""
 
 from __future__ import annotations
 
@@ -25,18 +25,28 @@ def _forget(error: Exception) -> None:
         sys.unraisablehook = hook
 
 
-def read_mdf(path: Path, digest: str) -> RawTable:
+def _ask(path: Path, question):
+    """question(file) of the opened file; whatever asammdf raises becomes one sentence."""
     try:
         from asammdf import MDF
     except ImportError:
         raise FileError(path, "needs asammdf", mend="pip install 'driveid[mdf]'") from None
     try:
         with MDF(path) as file:
-            signals = [s for s in file.iter_channels(skip_master=True) if len(s.samples) and s.samples.ndim == 1 and s.samples.dtype.kind in "iufb"]
+            return question(file)
     except Exception as e:  # asammdf raises its own and struct's errors on a damaged file
         reason = f"{type(e).__name__}: {e}"
         _forget(e)
         raise FileError(path, f"is not a readable MDF file ({reason})") from None
+
+
+def holds_frames(path: Path) -> bool:
+    """Bus logging: raw CAN frames that a DBC decodes, instead of measured channels."""
+    return _ask(path, lambda file: bool(getattr(file, "bus_logging_map", {}).get("CAN")))
+
+
+def read_mdf(path: Path, digest: str) -> RawTable:
+    signals = _ask(path, lambda file: [s for s in file.iter_channels(skip_master=True) if len(s.samples) and s.samples.ndim == 1 and s.samples.dtype.kind in "iufb"])
     if not signals:
         raise FileError(path, "holds no numeric channel")
     stamps = [to_ns(np.asarray(s.timestamps, dtype=np.float64), 1.0) for s in signals]
