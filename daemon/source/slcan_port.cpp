@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // A CAN adapter that speaks slcan on a serial port, without the kernel's driver. Bad lines are skipped and counted.
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <poll.h>
@@ -47,7 +48,8 @@ public:
         if (n < 0) return errno == EAGAIN || errno == EINTR ? 0 : -errno;
         if (n == 0) return hung_up() ? -ENODEV : 0;
         const int64_t now = monotonic_ns();
-        for (ssize_t k = 0; k < n; ++k) byte(bytes[k], now, b);
+        // Bytes that were read together came one after another: a burst of lines keeps its order in time.
+        for (ssize_t k = 0; k < n; ++k) byte(bytes[k], now - wire_ns(size_t(n - 1 - k)), b);
         return 0;
     }
 
@@ -66,6 +68,8 @@ private:
         return poll(&p, 1, 0) > 0 && p.revents & (POLLHUP | POLLERR | POLLNVAL);
     }
 
+    int64_t wire_ns(size_t bytes) const { return int64_t(bytes) * 10 * 1000000000 / config_.baud; }
+
     void byte(char c, int64_t now, CanBatch& b) {
         if (c == '\a') return void(++b.malformed);  // the adapter refuses a command
         if (c != '\r' && c != '\n') {
@@ -82,9 +86,10 @@ private:
         if (what == Slcan::broken) ++b.malformed;
         if (what != Slcan::frame) return;
         // The line took its time on the serial port: that is the error bound.
-        const int64_t on_wire = int64_t(line.size() + 1) * 10 * 1000000000 / config_.baud;
+        const int64_t on_wire = wire_ns(line.size() + 1);
+        last_ns_ = std::max(now - on_wire, last_ns_ + 1);
         b.fd[b.n] = false;
-        b.stamp[b.n] = {now - on_wire, on_wire + 1000000, DRIVEID_CLOCK_DAEMON};
+        b.stamp[b.n] = {last_ns_, on_wire + 1000000, DRIVEID_CLOCK_DAEMON};
         ++b.n;
     }
 
@@ -92,6 +97,7 @@ private:
     Fd fd_;
     char line_[64];
     size_t used_ = 0;
+    int64_t last_ns_ = 0;
     bool skipping_ = false;
 };
 
