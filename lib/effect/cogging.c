@@ -7,19 +7,6 @@ static void fill(const double *shape, const driveid_effect_state *state, double 
     column[1] = cos(shape[0] * state->angle);
 }
 
-static void publish(const double *shape, const double *linear, double gain, double *param) {
-    (void)gain;
-    param[0] = shape[0];
-    driveid_polar(linear[0], linear[1], &param[1], &param[2]);
-}
-
-static void resolve(const double *param, double gain, double *shape, double *linear) {
-    (void)gain;
-    shape[0] = param[0];
-    linear[0] = param[1] * cos(param[2]);
-    linear[1] = param[1] * sin(param[2]);
-}
-
 const driveid_effect_info driveid_effect_cogging = {
     .name = "cogging",
     .equation = "tau = A_N sin(N theta + phi_N), current-free; once in the model for each order N",
@@ -33,5 +20,5 @@ const driveid_effect_info driveid_effect_cogging = {
     .signature = "residual is periodic in the angle, many periods a turn, at any current, the same in both directions",
     .separated_by = "slow turns (the order must stay below half the sampling rate) at two different load currents: ripple grows with current, cogging does not",
     .literature = "Zhu and Howe, Influence of design parameters on cogging torque, IEEE Trans. Energy Conversion 15(4), 2000",
-    .fill = fill, .publish = publish, .resolve = resolve,
+    .fill = fill, .publish = driveid_publish_wave, .resolve = driveid_resolve_wave,
 };

@@ -7,18 +7,6 @@ static void fill(const double *shape, const driveid_effect_state *state, double 
     column[0] = memory[0];
 }
 
-static void publish(const double *shape, const double *linear, double gain, double *param) {
-    (void)gain;
-    param[0] = linear[0];
-    param[1] = shape[0];
-}
-
-static void resolve(const double *param, double gain, double *shape, double *linear) {
-    (void)gain;
-    linear[0] = param[0];
-    shape[0] = param[1];
-}
-
 const driveid_effect_info driveid_effect_hysteresis = {
     .name = "hysteresis",
     .equation = "tau = tau_h z; dz/dtheta = (1 - z sign(omega)) / theta_h (Dahl; Bouc-Wen with n = 1)",
@@ -32,5 +20,5 @@ const driveid_effect_info driveid_effect_hysteresis = {
     .signature = "after each reversal the loss builds up over degrees of travel, whatever the speed",
     .separated_by = "reversals at several amplitudes (from a part of the loop to many loops) at two speeds: hysteresis goes with travel, not with time",
     .literature = "P. R. Dahl, A solid friction model, 1968; Y.-K. Wen, Method for random vibration of hysteretic systems, 1976",
-    .fill = fill, .publish = publish, .resolve = resolve,
+    .fill = fill, .publish = driveid_publish_shaped, .resolve = driveid_resolve_shaped,
 };

@@ -6,18 +6,6 @@ static void fill(const double *shape, const driveid_effect_state *state, double 
     column[0] = state->t_s >= shape[0] ? state->accel : 0.0;
 }
 
-static void publish(const double *shape, const double *linear, double gain, double *param) {
-    (void)gain;
-    param[0] = linear[0];
-    param[1] = shape[0];
-}
-
-static void resolve(const double *param, double gain, double *shape, double *linear) {
-    (void)gain;
-    linear[0] = param[0];
-    shape[0] = param[1];
-}
-
 const driveid_effect_info driveid_effect_inertia_change = {
     .name = "inertia_change",
     .equation = "J becomes J + dJ at t = t_step",
@@ -30,5 +18,5 @@ const driveid_effect_info driveid_effect_inertia_change = {
     .signature = "residual goes with the acceleration before and after an instant, with another factor",
     .separated_by = "accelerations before and after the suspected change; a wrong K_t scales everything and has no instant",
     .literature = "gripping or dropping a load; winders: J of radius",
-    .fill = fill, .publish = publish, .resolve = resolve,
+    .fill = fill, .publish = driveid_publish_shaped, .resolve = driveid_resolve_shaped,
 };

@@ -19,6 +19,14 @@ static inline void driveid_polar(double a, double b, double *amplitude, double *
 void driveid_publish_plain(const double *shape, const double *linear, double gain, double *param);
 void driveid_resolve_plain(const double *param, double gain, double *shape, double *linear);
 
+/* One linear parameter, published as it is, then one shape parameter. */
+void driveid_publish_shaped(const double *shape, const double *linear, double gain, double *param);
+void driveid_resolve_shaped(const double *param, double gain, double *shape, double *linear);
+
+/* A wave over the angle: order (shape), then amplitude and phase of a sine and a cosine (linear). */
+void driveid_publish_wave(const double *shape, const double *linear, double gain, double *param);
+void driveid_resolve_wave(const double *param, double gain, double *shape, double *linear);
+
 /* Friction level relative to Coulomb's: 1 at speed, s at rest [Stribeck]. */
 static inline double driveid_stribeck_level(double speed, double omega_s, double s) {
     const double x = speed / omega_s;

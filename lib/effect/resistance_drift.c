@@ -15,18 +15,6 @@ static void fill(const double *shape, const driveid_effect_state *state, double 
     column[0] = heat * i;
 }
 
-static void publish(const double *shape, const double *linear, double gain, double *param) {
-    (void)gain;
-    param[0] = linear[0];
-    param[1] = shape[0];
-}
-
-static void resolve(const double *param, double gain, double *shape, double *linear) {
-    (void)gain;
-    linear[0] = param[0];
-    shape[0] = param[1];
-}
-
 const driveid_effect_info driveid_effect_resistance_drift = {
     .name = "resistance_drift",
     .equation = "v = (R + dR h) i; h = (T_degC - 20)/10, or without temperature T_th dh/dt = (i/1 A)^2 - h",
@@ -39,5 +27,5 @@ const driveid_effect_info driveid_effect_resistance_drift = {
     .signature = "voltage residual goes with the current and grows as the winding warms up",
     .separated_by = "a minute at high current after a cold start, then the same motion again; best with a temperature column",
     .literature = "copper: 0.39 %/K, IEC 60034-1; Boglietti et al., Evolution and modern approaches for thermal analysis of electrical machines, IEEE TIE 56(3), 2009",
-    .fill = fill, .publish = publish, .resolve = resolve,
+    .fill = fill, .publish = driveid_publish_shaped, .resolve = driveid_resolve_shaped,
 };

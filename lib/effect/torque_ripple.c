@@ -7,19 +7,6 @@ static void fill(const double *shape, const driveid_effect_state *state, double 
     column[1] = state->torque * cos(shape[0] * state->angle);
 }
 
-static void publish(const double *shape, const double *linear, double gain, double *param) {
-    (void)gain;
-    param[0] = shape[0];
-    driveid_polar(linear[0], linear[1], &param[1], &param[2]);
-}
-
-static void resolve(const double *param, double gain, double *shape, double *linear) {
-    (void)gain;
-    shape[0] = param[0];
-    linear[0] = param[1] * cos(param[2]);
-    linear[1] = param[1] * sin(param[2]);
-}
-
 const driveid_effect_info driveid_effect_torque_ripple = {
     .name = "torque_ripple",
     .equation = "tau = a_N K_t i sin(N theta + phi_N): the torque constant varies with the angle",
@@ -33,5 +20,5 @@ const driveid_effect_info driveid_effect_torque_ripple = {
     .signature = "residual is periodic in the angle and its amplitude follows the current, sign included",
     .separated_by = "slow turns at several load currents of both signs",
     .literature = "Jahns and Soong, Pulsating torque minimization techniques for permanent magnet AC motor drives, IEEE TIE 43(2), 1996",
-    .fill = fill, .publish = publish, .resolve = resolve,
+    .fill = fill, .publish = driveid_publish_wave, .resolve = driveid_resolve_wave,
 };

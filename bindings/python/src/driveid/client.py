@@ -22,6 +22,19 @@ class GatewayError(DriveidError):
     """The gateway is away, or it refused the request; the text says what to do."""
 
 
+def why_away(path: str, error: Exception, silent_s: float) -> str:
+    """Why the gateway at `path` does not answer, and what to do."""
+    if isinstance(error, FileNotFoundError):
+        return f"no gateway at {path}: start driveidd, or give --socket"
+    if isinstance(error, ConnectionRefusedError):
+        return f"nobody listens at {path}: driveidd has ended"
+    if isinstance(error, PermissionError):
+        return f"no permission for {path}: join the group of the socket"
+    if isinstance(error, TimeoutError):
+        return f"the gateway at {path} has been silent for {silent_s:g} s"
+    return f"{path}: {error.strerror or error}" if isinstance(error, OSError) else str(error) or type(error).__name__
+
+
 class Client:
     """One connection. request() asks; events() listens and, when the gateway goes away, comes back with it."""
 
@@ -42,19 +55,8 @@ class Client:
             connection.connect(self.path)
         except OSError as e:
             connection.close()
-            raise GatewayError(self._reason(e)) from None
+            raise GatewayError(why_away(self.path, e, self.timeout_s)) from None
         self._socket, self._rest, self._events = connection, b"", []
-
-    def _reason(self, error: OSError) -> str:
-        if isinstance(error, FileNotFoundError):
-            return f"no gateway at {self.path}: start driveidd, or give --socket"
-        if isinstance(error, ConnectionRefusedError):
-            return f"nobody listens at {self.path}: driveidd has ended"
-        if isinstance(error, PermissionError):
-            return f"no permission for {self.path}: join the group of the socket"
-        if isinstance(error, TimeoutError):
-            return f"the gateway at {self.path} has been silent for {self.timeout_s:g} s"
-        return f"{self.path}: {error.strerror or error}"
 
     def close(self) -> None:
         if self._socket is not None:
@@ -78,7 +80,7 @@ class Client:
             self._socket.sendall(line)
         except OSError as e:
             self.close()
-            raise GatewayError(self._reason(e)) from None
+            raise GatewayError(why_away(self.path, e, self.timeout_s)) from None
         deadline = time.monotonic() + self.timeout_s
         while True:
             message = self._read(deadline)
@@ -98,7 +100,7 @@ class Client:
                 data = self._socket.recv(1 << 16)
             except OSError as e:
                 self.close()
-                raise GatewayError(self._reason(e)) from None
+                raise GatewayError(why_away(self.path, e, self.timeout_s)) from None
             if not data or len(self._rest) > LINE_LIMIT:
                 self.close()
                 raise GatewayError(f"the gateway at {self.path} closed the connection")

@@ -8,6 +8,7 @@ import contextlib
 import json
 from collections.abc import Callable
 
+from ..client import why_away
 from .gateway import Gateway
 
 LINE_LIMIT = 1 << 16
@@ -36,24 +37,13 @@ class Feed:
                 await self._session()
                 self._away("the gateway closed the connection")
             except (OSError, TimeoutError, ValueError, NotConnected) as error:
-                self._away(self._reason(error))
+                self._away(why_away(self.path, error, SILENCE_S))
             await asyncio.sleep(RETRY_S)
-
-    def _reason(self, error: Exception) -> str:
-        if isinstance(error, FileNotFoundError):
-            return f"no gateway at {self.path}: start driveidd, or give --socket"
-        if isinstance(error, ConnectionRefusedError):
-            return f"nobody listens at {self.path}: driveidd has ended"
-        if isinstance(error, PermissionError):
-            return f"no permission for {self.path}: join the group of the socket"
-        if isinstance(error, TimeoutError):
-            return f"the gateway at {self.path} has been silent for {SILENCE_S:g} s"
-        return str(error) or type(error).__name__
 
     def _nobody_answers(self, listening: asyncio.Task) -> None:
         """Nobody listens any more: who waits for an answer is told at once."""
         error = None if listening.cancelled() else listening.exception()
-        self._fail_waiting(self._reason(error) if error else "the gateway closed the connection")
+        self._fail_waiting(why_away(self.path, error, SILENCE_S) if error else "the gateway closed the connection")
 
     def _fail_waiting(self, reason: str) -> None:
         for future in self._waiting.values():
@@ -128,7 +118,7 @@ class Feed:
             async with asyncio.timeout(SILENCE_S):
                 answer = await future
         except (OSError, TimeoutError) as error:
-            raise NotConnected(self._reason(error)) from error
+            raise NotConnected(why_away(self.path, error, SILENCE_S)) from error
         if not answer.get("ok"):
             raise NotConnected(answer.get("message") or answer.get("error") or f"the gateway refused {cmd}")
         return answer
