@@ -84,8 +84,9 @@ def hidden_act(given, programs):
     driveid(folder, "fit", "axis.toml", before, "-o", "fitted.toml")
     load(config, "fitted.toml", daemon, control)
 
+    switched_ns = json.loads((folder / "hidden.json").read_text())["start_monotonic_ns"] + EFFECT_AT_S * 10**9
     left = EFFECT_AT_S + 60 - (time.monotonic() - began)
-    drive, noticed = watch(control, programs, "the fitted model runs beside the drive; something will change", truth, left, lambda d, _: residual(d)["alarm"] and residual(d)["likely_effect"])
+    drive, noticed = watch(control, programs, "the fitted model runs beside the drive; something will change", truth, left, lambda d, _: residual(d)["likely_effect"] and residual(d)["since_ns"] > switched_ns - 10**9)
     r = residual(drive)
     yield bool(noticed), "noticed: the model no longer explains this drive" + (f"; likely effect: {r['likely_effect']}, residual {r['rms']:.3g} {r['unit']}, usual {r['usual_rms']:.3g}" if noticed else " was not said")
     if not noticed:
