@@ -10,7 +10,7 @@
 
 #include "learn.h"
 
-#define KERNEL_SAMPLES 513   /* longest window, with both ends */
+#define KERNEL_SAMPLES 2001  /* longest window, with both ends */
 #define KERNEL_RING 4096     /* values: samples x channels */
 #define KERNEL_POOL 8192     /* weights */
 #define KERNEL_SHAPES 12
