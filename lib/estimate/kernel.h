@@ -4,7 +4,7 @@
  *
  * Rows of windows of several lengths are taken every eighth of a window and accumulated, so that no single window can be singular.
  * Cost: 8 multiply-adds a term, stage and sample on average, N terms in the sample that takes the row. In floating point the recursion that would
- * make each row O(1) is only marginally stable (its rounding grows with a power of time), so it is not used; integers have none (window_q31). */
+ * make each row O(1) is only marginally stable (its rounding grows with a power of time), so it is not used. */
 #ifndef DRIVEID_ESTIMATE_KERNEL_H
 #define DRIVEID_ESTIMATE_KERNEL_H
 
