@@ -27,7 +27,7 @@ static void put(driveid_frequency *f, unsigned i, double square, double deviatio
 
 /* The method's half-width over 1.96 carries the few degrees of freedom at the start. */
 static double widen(const driveid_estimate *e, unsigned i) {
-    const double own = sqrt(e->cov[i * (e->params + 1)]);
+    const double own = sqrt(fmax(0, e->cov[i * (e->params + 1)]));
     return own > 0 ? (e->hi[i] - e->lo[i]) / (2 * 1.96 * own) : 1;
 }
 
@@ -37,7 +37,7 @@ driveid_status driveid_frequency_read(const driveid_estimate *e, driveid_frequen
     f.sinusoids = e->params;
     if (e->params == 1) {
         if (!(e->theta[0] > 0)) return DRIVEID_RANK;
-        put(&f, 0, e->theta[0], widen(e, 0) * sqrt(e->cov[0]));
+        put(&f, 0, e->theta[0], widen(e, 0) * sqrt(fmax(0, e->cov[0])));
     } else { /* w^2 = x: x^2 - theta0 x + theta1 = 0, dx = (x dtheta0 - dtheta1) / (2 x - theta0) */
         const double middle = e->theta[0] / 2, root = sqrt(fmax(0, middle * middle - e->theta[1]));
         if (!(root > 0) || !(middle - root > 0)) return DRIVEID_RANK;

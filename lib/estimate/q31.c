@@ -123,7 +123,7 @@ static int rows(q31_state *self) {
     return alarmed;
 }
 
-/* Rounding makes noise of about 16 counts an order in a derivative's column (binomials, and the bits it is brought up by). What is below that the
+/* Rounding makes noise of about 16 counts an order in a derivative's column (binomials, and the bits it is brought up by), 2 in a window's. What is below that the
  * sums cannot tell, so it is added to each variance. */
 static void add_rounding(const q31_state *self, const fsm_sums *sums, fsm_solution *solution) {
     const driveid_regression *r = &self->common.regression;
@@ -132,10 +132,11 @@ static void add_rounding(const q31_state *self, const fsm_sums *sums, fsm_soluti
         const fsm_equation *q = &self->common.equation[t->equation];
         if (t->param < 0) continue;
         const unsigned at = q->place[t->param], n = q->params + 1u;
-        const double noise = self->scale[t->equation][at] * (double)(INT64_C(1) << (4 * t->derivative));
+        const double noise = self->scale[t->equation][at] * (double)(INT64_C(1) << ((self->kind >= Q31_WINDOW ? 1 : 4) * t->derivative));
         const double square = sums[t->equation].s[at * (n + 1)];
         const double part = square > 0 ? solution->theta[t->param] * noise / sqrt(square) : 0;
-        solution->cov[(unsigned)t->param * (r->params + 1u)] += part * part;
+        double *variance = &solution->cov[(unsigned)t->param * (r->params + 1u)];
+        *variance = fmax(*variance, 0) + part * part;
     }
 }
 

@@ -6,8 +6,8 @@
  * fsm: s^i/D as known regressors from the start, as in f64; after a gap rows wait until the filters have settled. rls: least squares with
  * forgetting in information form, whose recursion integers do exactly. window, discrete: one window of 20/bandwidth.
  * Scaling: counts = value / range * 2^30; channels of which only derivatives are used may run through any number of turns, the counts then
- * wrap and only differences count; others saturate. A derivative's column is brought up by 3 bits an order (2 in windows): what moves faster than about
- * bandwidth/8 (bandwidth/4) at full range saturates, is counted, and its row is left out.
+ * wrap and only differences count; others saturate. A derivative's column is brought up by 3 bits an order (1 in windows): what moves faster than about
+ * bandwidth/8 (bandwidth/2) at full range saturates, is counted, and its row is left out.
  * Stamps: one sample time; a stamp off by more than an eighth of it is a gap. No libm, no floating-point filter in the update.
  * The sizes below may be made smaller by the build of a small target. */
 #ifndef DRIVEID_ESTIMATE_Q31_H

@@ -8,7 +8,7 @@
 #include "base/fixed.h"
 
 /* Bits that a derivative's column is brought up by, an order. */
-static unsigned boost(const q31_state *self) { return self->kind >= Q31_WINDOW ? 2 : 3; }
+static unsigned boost(const q31_state *self) { return self->kind >= Q31_WINDOW ? 1 : 3; }
 
 /* Coefficients of base/bank.inc at the one sample time, by the same tails of the Poisson distribution. */
 static void prepare_bank(q31_state *self) {
