@@ -31,6 +31,12 @@ int kernel_shapes(const driveid_svf_common *common, kernel_shape *shape, uint8_t
 /* Window lengths in samples, multiples of 4; the number of stages that fit. 0 with a reason: none. */
 int kernel_lengths(const driveid_svf_common *common, unsigned shapes, uint16_t *length, char *reason, size_t reason_size);
 
+/* q = (2/T) tanh(sT/2) is not s: relative error of a second derivative at a quarter of the bandwidth, which no statistics see. */
+static inline double kernel_bilinear_error(const driveid_estimator_options *o) {
+    const double x = o->bandwidth_rad_s * o->dt_s / 4;
+    return x * x / 6;
+}
+
 #include "base/real_f64.h"
 #include "kernel_decl.inc"
 #include "base/real_f32.h"

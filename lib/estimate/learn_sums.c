@@ -148,7 +148,7 @@ static void least_squares(const learner *self, unsigned k, const double *varianc
     const driveid_svf_common *common = &self->common;
     const int p = common->regression.params;
     double normal[DRIVEID_THETA_MAX * DRIVEID_THETA_MAX] = {0}, cross[DRIVEID_THETA_MAX * DRIVEID_THETA_MAX] = {0};
-    double right[DRIVEID_THETA_MAX] = {0}, scale[DRIVEID_THETA_MAX];
+    double right[DRIVEID_THETA_MAX] = {0}, scale[DRIVEID_THETA_MAX] = {0};
     for (int e = 0; e < common->regression.equations; e++) {
         const fsm_equation *q = &common->equation[e];
         const double *s = self->sums[k][e].s, *moment = self->moment[k], off = noise * self->sums[k][e].weight;

@@ -39,6 +39,7 @@ driveid_status q31_configure(q31_state *self, q31_kind kind, const driveid_regre
     driveid_status status = fsm_configure_common(&self->common, regression, options, level, reason, reason_size);
     if (status) return status;
     self->kind = (uint8_t)kind;
+    if (kind == Q31_DISCRETE) self->common.options.model_error += kernel_bilinear_error(&self->common.options);
     status = check(self, reason, reason_size);
     if (status) return status;
     memcpy(self->level, level, sizeof self->level);

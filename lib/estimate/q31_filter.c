@@ -30,16 +30,18 @@ static void prepare_bank(q31_state *self) {
     for (unsigned k = 0; k < sections; k++) self->p[k] = fixed_q31(p[k]);
 }
 
+enum { LONGEST = DRIVEID_Q31_RING < KERNEL_SAMPLES ? DRIVEID_Q31_RING : KERNEL_SAMPLES };
+
 /* Weights of each shape so that their magnitudes add up to one; total[shape] is what that took. */
 static int prepare_window(q31_state *self, double *total) {
     static const kernel_weights weights[2] = {kernel_window_weights, kernel_discrete_weights};
     kernel_shape shape[KERNEL_SHAPES];
-    double u[KERNEL_SAMPLES], w[KERNEL_SAMPLES];
+    double u[LONGEST], w[LONGEST];
     const driveid_estimator_options *o = &self->common.options;
     const int shapes = kernel_shapes(&self->common, shape, self->of_term);
     const double least = fmax(20 / (o->bandwidth_rad_s * o->dt_s), 6.0 * (self->common.sections - 1));
     const int n = 4 * (int)ceil(least / 4);
-    if (!shapes || n >= KERNEL_SAMPLES || (n + 1) * self->common.regression.channels > DRIVEID_Q31_RING || (n + 1) * shapes > DRIVEID_Q31_WEIGHTS) return 0;
+    if (!shapes || n >= LONGEST || (n + 1) * self->common.regression.channels > DRIVEID_Q31_RING || (n + 1) * shapes > DRIVEID_Q31_WEIGHTS) return 0;
     self->length = (uint16_t)n;
     for (int i = 0; i <= n; i++) u[i] = (double)i / n;
     for (int s = 0; s < shapes; s++) {
