@@ -190,7 +190,7 @@ static void add_bias(const fsm_equation *q, int p, double weight, double square,
     for (int i = 0; i < p; i++)
         for (int j = 0; j < p; j++) {
             const double size = weight * square / (theta * variance);
-            out->cov[i * p + j] += h[i * p + o] * h[j * p + o] * size * size / 4; /* half-width 1.96 sigma: the bound itself */
+            out->cov[i * p + j] += h[i * p + o] * h[j * p + o] * size * size;
         }
 }
 
