@@ -73,7 +73,7 @@ struct FieldConfig {  // where a number stands in a message, and how it becomes 
 struct SignalConfig : FieldConfig {
     std::string name, hold;
     bool wait;
-    double delay_s;
+    double delay_s, range;
 };
 
 struct DriveConfig {

@@ -128,6 +128,7 @@ const Key<F> kMux[] = {
 const Key<G> kSignal[] = {
     {"name", &G::name, "", 0, 0, nullptr, "", "signal: i_A i_d_A i_q_A v_V v_d_V v_q_V tau_Nm F_N theta_rad omega_rad_s theta_l_rad omega_l_rad_s x_m v_m_s T_degC u y", ""},
     {"hold", &G::hold, "", 0, 0, "", "instant|zoh|average|", "between two stamps: smooth, held, or a mean over the interval; \"\": what the structure assumes", ""},
+    {"range", &G::range, "SI", 0, kAny, "0", "", "type q31: |value| that the signal stays within; an angle may turn on and on, a position within one window may not", ""},
     {"wait", &G::wait, "", 0, 0, "true", "", "false: the last value is used and no sample waits for a new one (temperature)", ""},
     {"delay_s", &G::delay_s, "s", 0, 10, "0", "", "known age of the value when it is sent: taken off its stamp", ""},
 };

@@ -119,6 +119,12 @@ void Drive::make_estimator(uint32_t present) {
     options.forgetting_s = config_.forgetting_s;
     options.gap_s = config_.gap_s;
     options.alarm = config_.alarm;
+    double range[DRIVEID_SIGNAL_COUNT] = {};
+    for (const auto& c : config_.signals) {
+        driveid_signal signal;
+        if (driveid_signal_from_name(c.name.c_str(), &signal) == DRIVEID_OK) range[signal] = c.range;
+    }
+    driveid_online_ranges(&online_, range, options.range);
     s = driveid_estimator_configure(estimator(), size, config_.method.c_str(), type, &online_.regression, &options, reason, sizeof reason);
     if (s != DRIVEID_OK) throw std::runtime_error(clean(reason, s));
     make_watch();

@@ -8,6 +8,7 @@
 #include "adm.h"
 #include "fsm_state.h"
 #include "kernel.h"
+#include "q31.h"
 #include "recursive.h"
 
 struct driveid_estimator {
@@ -23,12 +24,13 @@ struct driveid_estimator {
         kernel_f32 kernel32;
         adm_f64 adm64;
         adm_f32 adm32;
+        q31_state q31;
     } state;
 };
 
 _Static_assert(sizeof(driveid_estimator) <= DRIVEID_ESTIMATOR_BYTES, "DRIVEID_ESTIMATOR_BYTES is too small");
 
-/* learn NULL: frequency shifting. */
+/* learn NULL: frequency shifting, or fixed point, whose rows follow q31_kind. */
 static const struct {
     const char *method;
     driveid_real type;
@@ -47,8 +49,12 @@ static const struct {
     {"discrete", DRIVEID_F32, sizeof(kernel_f32), &discrete_method_f32},
     {"adm", DRIVEID_F64, sizeof(adm_f64), &adm_method_f64},
     {"adm", DRIVEID_F32, sizeof(adm_f32), &adm_method_f32},
+    {"fsm", DRIVEID_Q31, sizeof(q31_state), NULL},
+    {"rls", DRIVEID_Q31, sizeof(q31_state), NULL},
+    {"window", DRIVEID_Q31, sizeof(q31_state), NULL},
+    {"discrete", DRIVEID_Q31, sizeof(q31_state), NULL},
 };
-enum { ROWS = sizeof table / sizeof table[0] };
+enum { ROWS = sizeof table / sizeof table[0], FIRST_Q31 = ROWS - 4 };
 
 static driveid_status refuse(char *reason, size_t size, const char *text, driveid_status status) {
     if (reason && size) snprintf(reason, size, "%s", text);
@@ -77,6 +83,7 @@ driveid_status driveid_estimator_configure(driveid_estimator *self, size_t size,
     if (size < driveid_estimator_size(method, type)) return refuse(reason, reason_size, "storage is smaller than driveid_estimator_size()", DRIVEID_ERR_CAPACITY);
     self->row = (uint32_t)row;
     if (table[row].learn) return learn_configure(&self->state.learner, table[row].learn, regression, options, reason, reason_size);
+    if (type == DRIVEID_Q31) return q31_configure(&self->state.q31, (q31_kind)(row - FIRST_Q31), regression, options, reason, reason_size);
     return type == DRIVEID_F64 ? driveid_svf_configure_f64(&self->state.fsm64, regression, options, reason, reason_size)
                                : driveid_svf_configure_f32(&self->state.fsm32, regression, options, reason, reason_size);
 }
@@ -85,6 +92,7 @@ driveid_status driveid_estimator_update(driveid_estimator *self, int64_t t_ns, c
     if (!self || !channel) return DRIVEID_ERR_ARGUMENT;
     const learn_method *learn = table[self->row].learn;
     if (learn) return learn_update(&self->state.learner, learn, t_ns, channel);
+    if (self->row >= FIRST_Q31) return q31_update(&self->state.q31, t_ns, channel);
     return table[self->row].type == DRIVEID_F64 ? driveid_svf_update_f64(&self->state.fsm64, t_ns, channel)
                                                 : driveid_svf_update_f32(&self->state.fsm32, t_ns, channel);
 }
@@ -105,6 +113,14 @@ void driveid_estimator_restart(driveid_estimator *self) {
     if (!self) return;
     const learn_method *learn = table[self->row].learn;
     if (learn) learn_restart(&self->state.learner, learn);
+    else if (self->row >= FIRST_Q31) q31_restart(&self->state.q31);
     else if (table[self->row].type == DRIVEID_F64) driveid_svf_restart_f64(&self->state.fsm64);
     else driveid_svf_restart_f32(&self->state.fsm32);
+}
+
+uint32_t driveid_estimator_saturations(const driveid_estimator *self) { return self && self->row >= FIRST_Q31 ? self->state.q31.saturations : 0; }
+
+driveid_status driveid_estimator_update_counts(driveid_estimator *self, int64_t t_ns, const int32_t *count) {
+    if (!self || !count || self->row < FIRST_Q31) return DRIVEID_ERR_ARGUMENT;
+    return q31_update_counts(&self->state.q31, t_ns, count);
 }

@@ -87,7 +87,7 @@ static int solve_all(const driveid_svf_common *common, const fsm_sums *sums, con
                      double *h, fsm_solution *out) {
     const int p = common->regression.params;
     double normal[DRIVEID_THETA_MAX * DRIVEID_THETA_MAX] = {0}, cross[DRIVEID_THETA_MAX * DRIVEID_THETA_MAX] = {0};
-    double right[DRIVEID_THETA_MAX] = {0}, plain[DRIVEID_THETA_MAX] = {0}, scale[DRIVEID_THETA_MAX];
+    double right[DRIVEID_THETA_MAX] = {0}, plain[DRIVEID_THETA_MAX] = {0}, scale[DRIVEID_THETA_MAX] = {0};
     for (int e = 0; e < common->regression.equations; e++) {
         const fsm_equation *q = &common->equation[e];
         const int n = q->params + 1;

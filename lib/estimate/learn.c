@@ -42,7 +42,7 @@ static void start(learner *self, const learn_method *method, int64_t t_ns, const
 static void clear(learner *self, const learn_method *method) {
     learn_sums_clear(self);
     if (method->clear) method->clear(self);
-    self->known = 0;
+    memset(self->known, 0, sizeof self->known);
 }
 
 static driveid_status gap(learner *self, const learn_method *method, int64_t t_ns, const double *channel) {

@@ -5,9 +5,11 @@
  *
  * A method is a table of functions (learn_method) and a state whose first member is a learner. A stage is one setting of the method's filters
  * (a window length); the answer comes from the stage whose interval is smallest.
+ * Noise of the differentiated channel would draw least squares towards zero. Two remedies: instruments (the known side y stands for the highest
+ * derivative's column, as in fsm), or, where the equation has one channel only, the noise's moments are taken off (total least squares).
  * Interval: the score phi (y - phi theta) is summed over blocks longer than the filters remember; their scatter, with that of neighbours, is
- * the score's long-run covariance B, and cov = H B H with H the inverse of sum phi phi'. The whole residual may be noise of the
- * differentiated channel, which would draw the parameter of the highest derivative towards zero: that bias's bound is added in squares. */
+ * the score's long-run covariance B, and cov = H B H with H the inverse of sum phi phi'. Without a remedy the
+ * whole residual may be noise of the differentiated channel: the bound of that bias is added in squares. */
 #ifndef DRIVEID_ESTIMATE_LEARN_H
 #define DRIVEID_ESTIMATE_LEARN_H
 
@@ -17,6 +19,7 @@
 #define LEARN_STAGES 4
 #define LEARN_WIDE (DRIVEID_THETA_MAX + 1)
 #define LEARN_BLOCKS 8.0    /* before anything is said */
+#define LEARN_BLOCKS_MOST 48.0 /* behind the interval */
 
 typedef struct learn_sums { /* of one equation at one stage; phi in the equation's order, y last */
     double s[LEARN_WIDE * LEARN_WIDE];
@@ -30,9 +33,13 @@ typedef struct learn_sums { /* of one equation at one stage; phi in the equation
 
 typedef struct learner {
     driveid_svf_common common;
-    uint8_t known;           /* theta is a first guess at least: scores can be taken */
+    uint8_t known[LEARN_STAGES]; /* theta is a first guess at least: scores can be taken */
     uint8_t correlated;      /* residuals hang together from start to end: rows count as one */
-    double theta[DRIVEID_THETA_MAX];
+    uint8_t instruments;     /* the known side stands for the highest derivative's column, whose noise is then harmless */
+    uint8_t homogeneous;     /* one equation of one measured channel: every column carries its noise, see moment */
+    double moment[LEARN_STAGES][LEARN_WIDE * LEARN_WIDE]; /* of the columns' noise in one row, per variance of white noise of that channel */
+    double shift[LEARN_STAGES][DRIVEID_THETA_MAX];        /* what that noise makes of a row's score */
+    double theta[LEARN_STAGES][DRIVEID_THETA_MAX];
     double block_s[LEARN_STAGES];
     int64_t row_ns[LEARN_STAGES], last_row_ns[LEARN_STAGES];
     learn_sums sums[LEARN_STAGES][DRIVEID_EQUATIONS_MAX];

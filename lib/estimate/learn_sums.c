@@ -6,6 +6,7 @@
 
 #include "base/solve.h"
 
+#define NOISE_TURNS 20   /* of the inverse iteration: each wins the ratio of the two smallest roots */
 #define SCALE_LEAST 1e-6 /* of the known side's mean square must be its own */
 
 static void close_block(learn_sums *sums, unsigned p) {
@@ -19,6 +20,10 @@ static void close_block(learn_sums *sums, unsigned p) {
     sums->blocks++;
     sums->open_rows = 0;
     sums->open_s = 0;
+    if (sums->blocks < LEARN_BLOCKS_MOST) return;
+    for (unsigned i = 0; i < p * DRIVEID_THETA_MAX; i++) sums->outer[i] /= 2; /* the first ones were taken with a poor theta */
+    sums->rows_scored /= 2;
+    sums->blocks /= 2;
 }
 
 static void forget(learn_sums *sums, unsigned p, double decay) {
@@ -32,6 +37,17 @@ static void forget(learn_sums *sums, unsigned p, double decay) {
     sums->blocks *= decay;
 }
 
+/* Column that stands for column i. */
+static unsigned instrument(const learner *self, const fsm_equation *q, unsigned i) {
+    return self->instruments && q->known && (int)i == q->output ? q->params : i;
+}
+
+/* Of the instrument, so that it is as large as the column. */
+static double size_of_instrument(const learner *self, const fsm_equation *q, const double *s, unsigned i) {
+    const double own = s[i * (LEARN_WIDE + 1)], other = s[instrument(self, q, i) * (LEARN_WIDE + 1)];
+    return own > 0 && other > 0 ? sqrt(own / other) : 1;
+}
+
 void learn_sums_row(learner *self, unsigned e, unsigned k, const double *x, double dt_s, double decay) {
     const fsm_equation *q = &self->common.equation[e];
     learn_sums *sums = &self->sums[k][e];
@@ -41,10 +57,10 @@ void learn_sums_row(learner *self, unsigned e, unsigned k, const double *x, doub
         for (unsigned j = 0; j <= p; j++) sums->s[i * LEARN_WIDE + j] += x[i] * x[j];
     sums->weight++;
     sums->weight2++;
-    if (!self->known) return;
+    if (!self->known[k]) return;
     double residual = x[p];
-    for (unsigned i = 0; i < p; i++) residual -= x[i] * self->theta[q->param[i]];
-    for (unsigned i = 0; i < p; i++) sums->open[i] += x[i] * residual;
+    for (unsigned i = 0; i < p; i++) residual -= x[i] * self->theta[k][q->param[i]];
+    for (unsigned i = 0; i < p; i++) sums->open[i] += x[instrument(self, q, i)] * residual - (self->homogeneous ? self->shift[k][i] : 0);
     sums->open_rows++;
     sums->open_s += dt_s;
     if (sums->open_s >= self->block_s[k]) close_block(sums, p);
@@ -95,17 +111,55 @@ static int has_scale(const fsm_equation *q, const double *s) {
     return pivot[n - 1] > SCALE_LEAST;
 }
 
-/* theta and H of all equations together, each weighted by its residual's variance. */
-static void least_squares(const learner *self, unsigned k, const double *variance, double *h, fsm_solution *out) {
+/* Variance of the channel's noise: the smallest mu with (S - mu N) v = 0, by inverse iteration; and what that noise makes of the scores. */
+static double noise_of(learner *self, unsigned k) {
+    const fsm_equation *q = &self->common.equation[0];
+    const int p = q->params, n = p + 1;
+    const double *s = self->sums[k][0].s, *moment = self->moment[k];
+    double a[LEARN_WIDE * LEARN_WIDE], inverse[LEARN_WIDE * LEARN_WIDE], pivot[LEARN_WIDE], theta[DRIVEID_THETA_MAX] = {0};
+    for (int i = 0; i < n; i++)
+        for (int j = 0; j < n; j++) a[i * n + j] = s[i * LEARN_WIDE + j];
+    if (driveid_solve_inverse(a, n, 1e-15, inverse, pivot) < n) return 0;
+    for (int turn = 0; turn < NOISE_TURNS; turn++) {
+        double along[LEARN_WIDE], next[LEARN_WIDE];
+        for (int i = 0; i < n; i++) {
+            along[i] = moment[i * LEARN_WIDE + p];
+            for (int j = 0; j < p; j++) along[i] -= moment[i * LEARN_WIDE + j] * theta[q->param[j]];
+        }
+        for (int i = 0; i < n; i++) {
+            next[i] = 0;
+            for (int j = 0; j < n; j++) next[i] += inverse[i * n + j] * along[j];
+        }
+        if (!(fabs(next[p]) > 0)) return 0;
+        for (int i = 0; i < p; i++) theta[q->param[i]] = -next[i] / next[p];
+    }
+    const double expected = residual_square(q, moment, theta);
+    const double noise = expected > 0 ? residual_square(q, s, theta) / self->sums[k][0].weight / expected : 0;
+    for (int i = 0; i < p; i++) {
+        double along = moment[i * LEARN_WIDE + p];
+        for (int j = 0; j < p; j++) along -= moment[i * LEARN_WIDE + j] * theta[q->param[j]];
+        self->shift[k][i] = noise * along;
+    }
+    return noise;
+}
+
+/* theta, H, rank of all equations together, each weighted by its residual's variance; noise: of the channel, where it is taken off. */
+static void least_squares(const learner *self, unsigned k, const double *variance, double noise, double *h, fsm_solution *out) {
     const driveid_svf_common *common = &self->common;
     const int p = common->regression.params;
-    double normal[DRIVEID_THETA_MAX * DRIVEID_THETA_MAX] = {0}, right[DRIVEID_THETA_MAX] = {0};
+    double normal[DRIVEID_THETA_MAX * DRIVEID_THETA_MAX] = {0}, cross[DRIVEID_THETA_MAX * DRIVEID_THETA_MAX] = {0};
+    double right[DRIVEID_THETA_MAX] = {0}, scale[DRIVEID_THETA_MAX] = {0};
     for (int e = 0; e < common->regression.equations; e++) {
         const fsm_equation *q = &common->equation[e];
-        const double *s = self->sums[k][e].s;
+        const double *s = self->sums[k][e].s, *moment = self->moment[k], off = noise * self->sums[k][e].weight;
         for (int i = 0; i < q->params; i++) {
-            right[q->param[i]] += s[i * LEARN_WIDE + q->params] / variance[e];
-            for (int j = 0; j < q->params; j++) normal[q->param[i] * p + q->param[j]] += s[i * LEARN_WIDE + j] / variance[e];
+            const unsigned z = instrument(self, q, (unsigned)i);
+            const double size = size_of_instrument(self, q, s, (unsigned)i) / variance[e];
+            right[q->param[i]] += size * (s[z * LEARN_WIDE + q->params] - off * moment[z * LEARN_WIDE + q->params]);
+            for (int j = 0; j < q->params; j++) {
+                normal[q->param[i] * p + q->param[j]] += s[i * LEARN_WIDE + j] / variance[e];
+                cross[q->param[i] * p + q->param[j]] += size * (s[z * LEARN_WIDE + j] - off * moment[z * LEARN_WIDE + j]);
+            }
         }
     }
     driveid_solve_inverse(normal, p, FSM_SMALL, h, out->pivot);
@@ -114,6 +168,9 @@ static void least_squares(const learner *self, unsigned k, const double *varianc
         if (has_scale(q, self->sums[k][e].s)) continue;
         for (int i = 0; i < q->params; i++) out->pivot[q->param[i]] = 0;
     }
+    for (int i = 0; i < p; i++) scale[i] = out->pivot[i] > 0 ? 1 / sqrt(normal[i * p + i]) : 0;
+    const int plain = !self->instruments && !self->homogeneous;
+    if (!plain && !driveid_solve_general(cross, p, scale, h)) memset(out->pivot, 0, sizeof out->pivot);
     out->rank = 0;
     out->condition = 1;
     for (int i = 0; i < p; i++) {
@@ -133,7 +190,7 @@ static void add_bias(const fsm_equation *q, int p, double weight, double square,
     for (int i = 0; i < p; i++)
         for (int j = 0; j < p; j++) {
             const double size = weight * square / (theta * variance);
-            out->cov[i * p + j] += h[i * p + o] * h[j * p + o] * size * size / 4; /* half-width 1.96 sigma: the bound itself */
+            out->cov[i * p + j] += h[i * p + o] * h[j * p + o] * size * size;
         }
 }
 
@@ -150,8 +207,8 @@ static void cover(const learner *self, unsigned k, const double *variance, const
         for (int i = 0; i < q->params; i++)
             for (int j = 0; j < q->params; j++)
                 score[q->param[i] * p + q->param[j]] += self->correlated ? whole_square * sums->s[i * LEARN_WIDE + j]
-                    : scale * fmax(sums->outer[i * DRIVEID_THETA_MAX + j], i == j ? 0 : -INFINITY);
-        out->freedom = fmin(out->freedom, sums->blocks - q->params);
+                    : size_of_instrument(self, q, sums->s, (unsigned)i) * size_of_instrument(self, q, sums->s, (unsigned)j) * scale * fmax(sums->outer[i * DRIVEID_THETA_MAX + j], i == j ? 0 : -INFINITY);
+        out->freedom = fmin(out->freedom, sums->blocks / 1.5 - q->params); /* neighbours share */
         out->rows = fmin(out->rows, sums->weight * sums->weight / sums->weight2);
         double whole = sums->s[q->params * LEARN_WIDE + q->params];
         for (int i = 0; i < q->params; i++) whole = fmax(whole, out->theta[q->param[i]] * out->theta[q->param[i]] * sums->s[i * LEARN_WIDE + i]);
@@ -172,7 +229,7 @@ static void cover(const learner *self, unsigned k, const double *variance, const
         const learn_sums *sums = &self->sums[k][e];
         const double square = residual_square(&common->equation[e], sums->s, out->theta) / sums->weight;
         if (e == 0) out->residual_rms = sqrt(square);
-        add_bias(&common->equation[e], p, sums->weight, square, variance[e], h, out);
+        if (!self->instruments && !self->homogeneous) add_bias(&common->equation[e], p, sums->weight, square, variance[e], h, out);
     }
 }
 
@@ -187,13 +244,13 @@ static int solve_stage(learner *self, const learn_method *method, unsigned k, fs
         variance[e] = equations > 1 ? fmax(sums->s[common->equation[e].params * (LEARN_WIDE + 1)] / sums->weight, 1e-300) : 1;
         least_blocks = fmin(least_blocks, sums->blocks);
     }
-    least_squares(self, k, variance, h, out);
+    least_squares(self, k, variance, self->homogeneous ? noise_of(self, k) : 0, h, out);
     for (int e = 0; e < equations && equations > 1; e++)
         variance[e] = fmax(residual_square(&common->equation[e], self->sums[k][e].s, out->theta) / self->sums[k][e].weight, 1e-20 * variance[e]);
-    if (equations > 1) least_squares(self, k, variance, h, out);
+    if (equations > 1) least_squares(self, k, variance, 0, h, out);
     if (method->solution) method->solution(self, out->theta, h, variance);
-    if (k == 0 || !self->known) memcpy(self->theta, out->theta, sizeof self->theta);
-    self->known = 1;
+    memcpy(self->theta[k], out->theta, sizeof self->theta[k]);
+    self->known[k] = 1;
     if (least_blocks < LEARN_BLOCKS) return 0;
     cover(self, k, variance, h, out);
     return 1;
@@ -220,6 +277,5 @@ int learn_solve(learner *self, const learn_method *method, fsm_solution *out) {
         *out = one;
         self->common.chosen[0] = (int8_t)k;
     }
-    if (found) memcpy(self->theta, out->theta, sizeof self->theta);
     return found;
 }

@@ -87,6 +87,16 @@ static double fill(driveid_online *o, const driveid_sample *sample, const drivei
     }
 }
 
+void driveid_online_ranges(const driveid_online *online, const double *signal_range, double *channel_range) {
+    const int linear = online->motion == DRIVEID_SIGNAL_X_M || online->motion == DRIVEID_SIGNAL_V_M_S;
+    const double speed = signal_range[linear ? DRIVEID_SIGNAL_V_M_S : DRIVEID_SIGNAL_OMEGA_RAD_S];
+    for (unsigned c = 0; c < online->regression.channels; c++) {
+        const driveid_online_channel *f = &online->filler[c];
+        channel_range[c] = f->kind == ONLINE_SIGNAL ? signal_range[f->a] : f->kind == ONLINE_PRODUCT ? signal_range[f->a] * signal_range[f->b]
+                         : f->kind == ONLINE_SPEED_TIMES ? speed * signal_range[f->a] : 1;
+    }
+}
+
 driveid_status driveid_online_channels(driveid_online *online, const driveid_sample *sample, double *channel) {
     if (!online || !sample || !channel) return DRIVEID_ERR_ARGUMENT;
     if ((sample->present & online->present) != online->present) return DRIVEID_NOT_YET;

@@ -32,10 +32,12 @@ name = "axis1"
 structure = "rigid_axis"
 given = {{ K_t_Nm_A = 0.05 }}
 effects = ["coulomb"]
+method = "{method}"
 type = "{type}"
 dt_s = 0.001
   [[drive.signal]]
   name = "i_A"
+  range = 16
   source = "file"
   can_id = 0x181
   start_bit = 0
@@ -44,6 +46,7 @@ dt_s = 0.001
   scale = 0.0005
   [[drive.signal]]
   name = "theta_rad"
+  range = 100
   source = "file"
   can_id = 0x181
   start_bit = 16
@@ -61,11 +64,13 @@ def candump(path):
     path.write_text("\n".join(lines) + "\n")
 
 
-@pytest.mark.parametrize(("type", "model_file"), [("f64", False), ("f32", False), ("f64", True)])
-def test_python_repeats_the_daemon(tmp_path, daemon, driveid, type, model_file):
+@pytest.mark.parametrize(("method", "type", "model_file"), [
+    ("fsm", "f64", False), ("fsm", "f32", False), ("fsm", "f64", True), ("fsm", "q31", False), ("window", "f64", False), ("discrete", "q31", False), ("rls", "q31", False),
+    ("kalman", "f32", False)])
+def test_python_repeats_the_daemon(tmp_path, daemon, driveid, method, type, model_file):
     """A model file stands in the record: it need not be there when the record is replayed."""
     candump(tmp_path / "run.log")
-    config = CONFIG.format(folder=tmp_path, type=type)
+    config = CONFIG.format(folder=tmp_path, method=method, type=type)
     if model_file:
         lines = [line for line in config.splitlines() if not line.startswith(("structure =", "given ="))]
         lines.insert(lines.index("[[drive]]") + 1, 'model = "axis.toml"')

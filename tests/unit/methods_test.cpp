@@ -190,7 +190,8 @@ TEST_P(Methods, SnapshotRestartBadSamples) {
 INSTANTIATE_TEST_SUITE_P(All, Methods, testing::Values(Case{"fsm", DRIVEID_F64, 2e-3}, Case{"fsm", DRIVEID_F32, 2e-3},
     Case{"rls", DRIVEID_F64, 5e-3}, Case{"rls", DRIVEID_F32, 5e-3}, Case{"kalman", DRIVEID_F64, 5e-3}, Case{"kalman", DRIVEID_F32, 5e-3},
     Case{"window", DRIVEID_F64, 5e-3}, Case{"window", DRIVEID_F32, 5e-3}, Case{"discrete", DRIVEID_F64, 5e-3}, Case{"discrete", DRIVEID_F32, 5e-3},
-    Case{"adm", DRIVEID_F64, 5e-3}, Case{"adm", DRIVEID_F32, 5e-3}),
+    Case{"adm", DRIVEID_F64, 5e-3}, Case{"adm", DRIVEID_F32, 5e-3},
+    Case{"fsm", DRIVEID_Q31, 5e-3}, Case{"rls", DRIVEID_Q31, 5e-3}, Case{"window", DRIVEID_Q31, 5e-3}, Case{"discrete", DRIVEID_Q31, 5e-3}),
     [](const auto &i) { return std::string(i.param.method) + (i.param.type == DRIVEID_F64 ? "_f64" : i.param.type == DRIVEID_F32 ? "_f32" : "_q31"); });
 
 } // namespace

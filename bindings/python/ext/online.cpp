@@ -57,7 +57,7 @@ private:
 class Online {
 public:
     Online(const std::string &model_toml, const std::vector<std::string> &signals, const std::string &method, const std::string &type,
-           const Options &options, const std::vector<std::pair<std::string, std::string>> &holds) {
+           const Options &options, const std::vector<std::pair<std::string, std::string>> &holds, const std::vector<std::pair<std::string, double>> &ranges) {
         driveid_model model{};
         std::string reason(1024, '\0');
         driveid_status status = driveid_model_read(model_toml.c_str(), &model, reason.data(), reason.size());
@@ -86,6 +86,13 @@ public:
         o.forgetting_s = options.forgetting_s;
         o.gap_s = options.gap_s;
         o.alarm = options.alarm;
+        double range[DRIVEID_SIGNAL_COUNT] = {};
+        for (const auto &[name, value] : ranges) {
+            driveid_signal s;
+            if (driveid_signal_from_name(name.c_str(), &s) != DRIVEID_OK) throw nb::value_error(("no signal is called " + name).c_str());
+            range[s] = value;
+        }
+        driveid_online_ranges(&online_, range, o.range);
         reason.assign(1024, '\0');
         status = driveid_estimator_configure(storage_->get(), size, method.c_str(), real, &online_.regression, &o, reason.data(), reason.size());
         if (status != DRIVEID_OK) refuse("estimator", status, reason.c_str());
@@ -191,11 +198,12 @@ void bind_online(nb::module_ &m) {
             "__init__",
             [](Online *self, const std::string &model_toml, const std::vector<std::string> &signals, const std::string &method,
                const std::string &type, double dt_s, double bandwidth_rad_s, double forgetting_s, double gap_s, double alarm,
-               const std::vector<std::pair<std::string, std::string>> &holds) {
-                new (self) Online(model_toml, signals, method, type, {dt_s, bandwidth_rad_s, forgetting_s, gap_s, alarm}, holds);
+               const std::vector<std::pair<std::string, std::string>> &holds, const std::vector<std::pair<std::string, double>> &ranges) {
+                new (self) Online(model_toml, signals, method, type, {dt_s, bandwidth_rad_s, forgetting_s, gap_s, alarm}, holds, ranges);
             },
             nb::arg("model_toml"), nb::arg("signals"), nb::kw_only(), nb::arg("method") = "fsm", nb::arg("type") = "f64", nb::arg("dt_s"),
-            nb::arg("bandwidth_rad_s") = 0.0, nb::arg("forgetting_s") = 0.0, nb::arg("gap_s") = 0.0, nb::arg("alarm") = 0.0, nb::arg("holds") = std::vector<std::pair<std::string, std::string>>())
+            nb::arg("bandwidth_rad_s") = 0.0, nb::arg("forgetting_s") = 0.0, nb::arg("gap_s") = 0.0, nb::arg("alarm") = 0.0, nb::arg("holds") = std::vector<std::pair<std::string, std::string>>(),
+            nb::arg("ranges") = std::vector<std::pair<std::string, double>>())
         .def("__copy__", [](const Online &o) { return new Online(o); })
         .def("__deepcopy__", [](const Online &o, nb::handle) { return new Online(o); }, nb::arg("memo"))
         .def_prop_ro("parameters", &Online::parameters, "Names of the physical parameters.")

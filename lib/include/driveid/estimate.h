@@ -15,7 +15,8 @@
  *             DRIVEID_GAP       silence beyond gap_s: filters restarted, what was learnt is kept
  *             DRIVEID_DUPLICATE, DRIVEID_ERR_TIME, DRIVEID_ERR_VALUE   the sample was ignored, nothing changed
  *           estimate: see driveid_estimate below. configure: DRIVEID_ERR_CONFIG and a sentence, DRIVEID_ERR_CAPACITY: storage too small.
- * Fixed point  not yet: DRIVEID_Q31 is refused by configure.
+ * Fixed point  fsm, window, discrete, rls: per unit of options.range in Q30, coefficients Q31, rows int32, sums Q46 in int64, rounding; saturations
+ *           counted (driveid_estimator_saturations), a saturated row left out. One sample time. Orders that rounding rules out are refused.
  * Cost      tools/bench (driveid-bench-estimator): docs/benchmark-estimator.md: about 1 microsecond a sample at 1 kHz for two parameters, 3 with the solve; state up to 180 kB, of which
  *           a rigid axis touches about 35 kB; stack up to 100 kB in a solve.
  * Accuracy  docs/intervals.md (coverage, width over the Cramer-Rao bound); tests/property: online_test, excitation_test, day_test; f32 against
@@ -76,7 +77,7 @@ typedef struct driveid_estimator driveid_estimator;
 /* Bytes needed for (method, type); 0 where that pair does not exist. */
 size_t driveid_estimator_size(const char *method, driveid_real type);
 
-#define DRIVEID_ESTIMATOR_METHODS "choose fsm, window, discrete, rls, kalman or adm, each in f64 or f32"
+#define DRIVEID_ESTIMATOR_METHODS "choose fsm, rls, window or discrete in f64, f32 or q31, kalman or adm in f64 or f32"
 
 /* method: see Method above. DRIVEID_ERR_CONFIG with a sentence in reason[reason_size] where it is refused. */
 driveid_status driveid_estimator_configure(driveid_estimator *self, size_t size, const char *method, driveid_real type,
@@ -90,6 +91,12 @@ driveid_status driveid_estimator_estimate(const driveid_estimator *self, driveid
 /* Samples are known to be lost before the next one: it is taken as the first after a gap, however short the silence. */
 void driveid_estimator_gap(driveid_estimator *self);
 void driveid_estimator_restart(driveid_estimator *self);
+
+/* q31 only: samples as a converter gives them, value / range * 2^30 (a channel of which only derivatives are used may wrap). The same numbers
+ * as update gives, bit by bit, on host and target. */
+driveid_status driveid_estimator_update_counts(driveid_estimator *self, int64_t t_ns, const int32_t *count);
+/* q31: values beyond their range so far. 0 for the other types. */
+uint32_t driveid_estimator_saturations(const driveid_estimator *self);
 
 #ifdef __cplusplus
 }

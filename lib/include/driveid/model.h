@@ -157,6 +157,10 @@ driveid_status driveid_online_init(driveid_online *online, const driveid_model *
  * DRIVEID_ERR_ARGUMENT where the regression does not use the signal. */
 driveid_status driveid_online_hold(driveid_online *online, driveid_signal signal, driveid_hold hold);
 
+/* Largest magnitude of each channel where signal s stays within +- signal_range[s] (DRIVEID_SIGNAL_COUNT of them, 0: not declared), for q31; 0 where
+ * it does not follow (speed out of an angle needs a range of omega_rad_s). */
+void driveid_online_ranges(const driveid_online *online, const double *signal_range, double *channel_range);
+
 /* Fill channel[regression.channels] from a sample and set online->t_ns, the stamp that belongs to them.
  *   DRIVEID_OK       give channel and online->t_ns to driveid_estimator_update()
  *   DRIVEID_NOT_YET  a needed signal is absent, or the speed filter (2 DRIVEID_ONLINE_DELAY samples) is not full yet

@@ -15,10 +15,19 @@
 
 #include <driveid/sample.h>
 
+/* A build for a small target may set these four lower, for all files alike. */
+#ifndef DRIVEID_CHANNELS_MAX
 #define DRIVEID_CHANNELS_MAX 12
+#endif
+#ifndef DRIVEID_TERMS_MAX
 #define DRIVEID_TERMS_MAX 24
+#endif
+#ifndef DRIVEID_THETA_MAX
 #define DRIVEID_THETA_MAX 13
+#endif
+#ifndef DRIVEID_EQUATIONS_MAX
 #define DRIVEID_EQUATIONS_MAX 3
+#endif
 #define DRIVEID_ORDER_MAX 6
 #define DRIVEID_TERM_KNOWN (-1)
 

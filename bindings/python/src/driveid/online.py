@@ -53,13 +53,15 @@ class Check:
     names: list[str] = field(default_factory=list)
 
 
-def replay(model: Model, record: Record, *, method: str = "fsm", type: str = "f64", dt_s: float | None = None, every: int = 1, **options: float) -> Replay:
-    """Feed a record to an on-line estimator. `every`: an estimate is asked for at each `every`-th sample."""
-    return _held(record, *_run(model, record, method, type, dt_s, every, options))
+def replay(model: Model, record: Record, *, method: str = "fsm", type: str = "f64", dt_s: float | None = None, every: int = 1,
+           ranges: dict[str, float] | None = None, **options: float) -> Replay:
+    """Feed a record to an on-line estimator. `every`: an estimate is asked for at each `every`-th sample. `ranges`: of each signal, for type q31;
+    without them the record's own largest magnitudes, doubled."""
+    return _held(record, *_run(model, record, method, type, dt_s, every, options, ranges=ranges))
 
 
 def _run(model: Model, record: Record, method: str, type: str, dt_s: float | None, every: int, options: dict,
-         holds: list[tuple[str, str]] | None = None) -> tuple[_core.Online, dict]:
+         holds: list[tuple[str, str]] | None = None, ranges: dict[str, float] | None = None) -> tuple[_core.Online, dict]:
     for name in options:
         if name not in _OPTIONS:
             raise UsageError(f"no option {name!r}. {close_names(name, ('method', 'type', 'dt_s', 'every', *_OPTIONS))}")
@@ -68,8 +70,10 @@ def _run(model: Model, record: Record, method: str, type: str, dt_s: float | Non
     columns = {n: np.ascontiguousarray(v, dtype=np.float64) for n, v in record.columns.items() if n in _core.SIGNALS}
     if dt_s is None:
         dt_s = float(np.median(np.diff(record.t_ns))) * 1e-9
+    if type == "q31" and not ranges:
+        ranges = _ranges(columns)
     try:
-        online = _core.Online(model.toml, list(columns), method=method, type=type, dt_s=dt_s, holds=holds or [], **options)
+        online = _core.Online(model.toml, list(columns), method=method, type=type, dt_s=dt_s, holds=holds or [], ranges=list((ranges or {}).items()), **options)
     except ValueError as e:
         raise UsageError(str(e)) from None
     parts = []
@@ -80,6 +84,10 @@ def _run(model: Model, record: Record, method: str, type: str, dt_s: float | Non
         part["row"] = part["row"] + rows[0]
         parts.append(part)
     return online, {key: np.concatenate([p[key] for p in parts]) for key in parts[0]}
+
+
+def _ranges(columns: dict[str, np.ndarray]) -> dict[str, float]:
+    return {name: 2 * float(np.nanmax(np.abs(values))) or 1.0 for name, values in columns.items() if np.isfinite(values).any()}
 
 
 def _held(record: Record, online: _core.Online, raw: dict, keep: np.ndarray | None = None) -> Replay:
@@ -114,7 +122,8 @@ def replay_drec(path: str | os.PathLike, *, drive: str | None = None, model: Mod
     record = Record(path.name, t_ns, columns, path=str(path))
     options = {k: settings[k] for k in ("method", "type", "dt_s", *_OPTIONS) if k in settings} | changes
     online, raw = _run(model or _model(path, settings, _recorded_model(file, index)), record, options.pop("method", "fsm"), options.pop("type", "f64"), options.pop("dt_s", None), 1, options,
-                       [(signal["name"], signal["hold"]) for signal in settings.get("signal", []) if signal.get("hold")])
+                       [(signal["name"], signal["hold"]) for signal in settings.get("signal", []) if signal.get("hold")],
+                       {signal["name"]: float(signal["range"]) for signal in settings.get("signal", []) if signal.get("range")})
     told = [e.t_ns for e in of_kind(file.entries, ESTIMATE) if e.source == index]
     keep = np.flatnonzero(np.isin(t_ns, told)) if told else None
     result = _held(record, online, raw, keep)

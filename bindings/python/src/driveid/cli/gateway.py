@@ -141,10 +141,12 @@ def _record_gateway(name: str, socket: str, seconds: float | None) -> None:
 @click.option("--fd", is_flag=True, help="CAN FD.")
 @click.option("--model", "model_file", metavar="MODEL", help="Model file, where the record's configuration does not carry it.")
 @click.option("--drive", metavar="NAME", help="Which drive of the record.")
+@click.option("--method", help="Estimator, instead of the recorded one: fsm, window, discrete, rls, kalman, adm.")
 @click.option("--type", "real", type=click.Choice(["f64", "f32", "q31"]), help="Number type, instead of the recorded one.")
 @click.option("--json", "json_file", metavar="FILE", help="Write the replayed estimates; - is standard output.")
 @invoke_guard
-def replay(file: str, target: str | None, speed: float, bitrate: int | None, fd: bool, model_file: str | None, drive: str | None, real: str | None, json_file: str | None) -> None:
+def replay(file: str, target: str | None, speed: float, bitrate: int | None, fd: bool, model_file: str | None, drive: str | None,
+           method: str | None, real: str | None, json_file: str | None) -> None:
     """Send the frames of FILE to a bus (--to), or run a gateway record through the daemon's own estimator and compare."""
     if target is not None:
         frames = adapters.load_frames(Path(file))
@@ -152,14 +154,13 @@ def replay(file: str, target: str | None, speed: float, bitrate: int | None, fd:
             sent = adapters.send(bus, frames, speed=speed, progress=(lambda done: progress(done, "replay")) if progress else None)
         say(f"{sent.frames} frames in {sent.seconds:.3f} s; each late by {units.number(sent.late_median_s, 's', 3)} (median), {units.number(sent.late_max_s, 's', 3)} (worst)")
         return
-    _replay_library(file, model_file, drive, real, json_file)
+    _replay_library(file, model_file, drive, {k: v for k, v in (("method", method), ("type", real)) if v}, json_file)
 
 
-def _replay_library(file: str, model_file: str | None, drive: str | None, real: str | None, json_file: str | None) -> None:
+def _replay_library(file: str, model_file: str | None, drive: str | None, changes: dict[str, str], json_file: str | None) -> None:
     from .. import __version__
     from ..online import replay_drec
 
-    changes = {"type": real} if real else {}
     result, check = replay_drec(file, drive=drive, model=Model.load(model_file) if model_file else None, **changes)
     final = result.final()
     write_document(json_file, {

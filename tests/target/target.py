@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Build the amalgamated core for Cortex-M, run it under qemu, and measure it.
+
+    python tests/target/target.py     writes docs/target.md
+"""
+import functools
+import re
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+TOP = HERE.parent.parent
+FLAGS = ["-std=c11", "-O2", "-Wall", "-Wextra", "-Werror", "-ffp-contract=off", "-ffunction-sections", "-fdata-sections"]
+CPUS = {"Cortex-M4F": ["-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16"], "Cortex-M0+": ["-mcpu=cortex-m0plus", "-mthumb"]}
+# one equation of a few parameters, for 16 KiB of memory
+SMALL = {"DRIVEID_THETA_MAX": 4, "DRIVEID_EQUATIONS_MAX": 1, "DRIVEID_CHANNELS_MAX": 4, "DRIVEID_TERMS_MAX": 6, "DRIVEID_Q31_POOL": 320, "DRIVEID_Q31_RING": 256,
+         "DRIVEID_Q31_WEIGHTS": 512, "RUN_BYTES": 9216}
+QEMU = ["qemu-system-arm", "-M", "mps2-an386", "-nographic", "-monitor", "none", "-serial", "none", "-semihosting-config", "enable=on,target=native"]
+
+
+def call(command, **more):
+    done = subprocess.run(command, capture_output=True, text=True, stdin=subprocess.DEVNULL, timeout=300, **more)
+    if done.returncode:
+        raise RuntimeError(f"{' '.join(map(str, command))}: exit code {done.returncode}\n{done.stdout[-2000:]}{done.stderr[-2000:]}")
+    return done
+
+
+def amalgamate(folder):
+    call([TOP / "tools/amalgamate", folder])
+    return Path(folder)
+
+
+def defines(values):
+    return [f"-D{name}={value}" for name, value in values.items()]
+
+
+def compile_core(folder, cpu, values=()):
+    """Object file of the core, and the stack of each function in bytes."""
+    return compiled(folder, cpu, tuple(dict(values).items()))
+
+
+@functools.cache
+def compiled(folder, cpu, items):
+    values = dict(items)
+    core = folder / f"core{abs(hash((cpu, *values.items())))}.o"
+    call(["arm-none-eabi-gcc", *CPUS[cpu], *FLAGS, *defines(values), "-fstack-usage", "-c", folder / "driveid.c", "-o", core])
+    rows = [line.split("\t") for line in core.with_suffix(".su").read_text().splitlines()]
+    return core, {row[0].split(":")[-1]: int(row[1]) for row in rows}
+
+
+def link(folder, cpu, core, values=()):
+    values = dict(values)
+    out = core.with_name(f"run{abs(hash((cpu, str(core), *values.items())))}.elf")
+    call(["arm-none-eabi-gcc", *CPUS[cpu], *FLAGS, *defines(values), "--specs=rdimon.specs", "-Wl,--gc-sections,--no-warn-rwx-segments", "-T", HERE / "mps2.ld", f"-I{folder}", HERE / "startup.c",
+          HERE / "run.c", core, "-lm", "-o", out])
+    return out
+
+
+def run(elf, *more):
+    return subprocess.run([*QEMU, *more, "-kernel", elf], capture_output=True, text=True, stdin=subprocess.DEVNULL, timeout=120)
+
+
+def host(folder):
+    out = folder / "host"
+    call(["cc", *FLAGS, f"-I{folder}", HERE / "run.c", folder / "driveid.c", "-lm", "-o", out])
+    return out
+
+
+def plugin(folder):
+    out = folder / "libcount.so"
+    call(["cc", "-O2", "-shared", "-fPIC", HERE / "count.c", "-o", out])
+    return out
+
+
+def instructions(elf, library):
+    found = re.search(r"instructions (\d+)", run(elf, "-icount", "shift=10", "-plugin", library).stderr)
+    return int(found[1])
+
+
+def undefined(core):
+    return {line.split()[-1] for line in call(["arm-none-eabi-nm", "-u", core]).stdout.splitlines()}
+
+
+def code_of(core, name):
+    """Names that a function calls, and those that its callees in this file call."""
+    text = call(["arm-none-eabi-objdump", "-dr", core]).stdout
+    calls = {}
+    for part in re.split(r"\n(?=[0-9a-f]{8} <)", text):
+        head = re.match(r"[0-9a-f]{8} <([\w.]+)>:", part)
+        if head:
+            calls[head[1]] = set(re.findall(r"R_ARM_\w+\s+([\w.]+)", part))
+    todo, seen = [name], set()
+    while todo:
+        one = todo.pop()
+        if one not in seen:
+            seen.add(one)
+            todo += calls.get(one, set())
+    return seen
+
+
+def table(folder):
+    """Rows: cpu, method, type, code bytes, state bytes, largest frame, instructions a sample."""
+    library = plugin(folder)
+    for cpu, types in (("Cortex-M4F", ("F32", "Q31")), ("Cortex-M0+", ("Q31",))):
+        sizes = SMALL if cpu == "Cortex-M0+" else {}
+        core, frames = compile_core(folder, cpu, {k: v for k, v in sizes.items() if k.startswith("DRIVEID")})
+        for method in ("fsm", "rls", "window", "discrete"):
+            for kind in types:
+                values = {**sizes, "RUN_METHOD": f'"{method}"', "RUN_TYPE": f"DRIVEID_{kind}"}
+                counts = [instructions(link(folder, cpu, core, {**values, "RUN_SAMPLES": n}), library) for n in (900, 1900)]
+                state = folder / "state"
+                (folder / "state.c").write_text(f'#include <stdio.h>\n#include "driveid.h"\nint main(void) {{ printf("%u\\n", (unsigned)driveid_estimator_size("{method}", DRIVEID_{kind})); return 0; }}\n')
+                call(["arm-none-eabi-gcc", *CPUS[cpu], *defines({k: v for k, v in sizes.items() if k.startswith("DRIVEID")}), "--specs=rdimon.specs", "-Wl,--no-warn-rwx-segments", "-T", HERE / "mps2.ld", f"-I{folder}",
+                      HERE / "startup.c", folder / "state.c", core, "-lm", "-o", state])
+                yield cpu, method, kind.lower(), int(run(state).stdout), round((counts[1] - counts[0]) / 1000)
+        text = call(["arm-none-eabi-size", core]).stdout.splitlines()[1].split()
+        yield cpu, "all", "", int(text[0]), max((v, k) for k, v in frames.items())
+
+
+def write(path):
+    with tempfile.TemporaryDirectory() as name:
+        folder = amalgamate(name)
+        rows = list(table(folder))
+    lines = ["# On a microcontroller", "", "Made by `python tests/target/target.py` with Debian's gcc-arm-none-eabi 12.2 (-O2) and qemu's mps2-an386 (the Cortex-M0+ code runs there too). A rigid axis,",
+             "two parameters, 1 kHz, 200 rad/s, a solve every 20 ms in f64 (in software on both) included. Instructions, not cycles.",
+             "Cortex-M0+ is built small: " + ", ".join(f"`{k}={v}`" for k, v in SMALL.items() if k.startswith("DRIVEID")) + ".", "",
+             "| core | method | type | state, bytes | instructions a sample |", "|---|---|---|---|---|"]
+    lines += [f"| {cpu} | {method} | {kind} | {state} | {count} |" for cpu, method, kind, state, count in rows if kind]
+    lines += ["", "| core | code of all methods and types, bytes | largest frame of a function, bytes |", "|---|---|---|"]
+    lines += [f"| {cpu} | {size} | {frame[0]} (`{frame[1]}`) |" for cpu, _, kind, size, frame in rows if not kind]
+    Path(path).write_text("\n".join(lines) + "\n")
+
+
+if __name__ == "__main__":
+    write(sys.argv[1] if len(sys.argv) > 1 else TOP / "docs/target.md")

@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The amalgamated core on Cortex-M: builds without warnings, needs no heap, keeps its stack, and gives the host's bits under qemu."""
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+import target  # noqa: E402
+
+HEAP = {"malloc", "calloc", "realloc", "free", "_sbrk", "_malloc_r", "_free_r"}
+LIBM = {"sqrt", "exp", "log", "pow", "floor", "ceil", "fmax", "fmin", "sin", "cos", "ldexp", "log2", "lrint", "llrint"}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return target.amalgamate(tmp_path_factory.mktemp("core"))
+
+
+@pytest.fixture(scope="module")
+def expected(folder):
+    done = target.call([target.host(folder)])
+    assert done.stdout.endswith("0 failed\n") and done.stdout.count("within 1 %: yes") == 8, done.stdout
+    return done.stdout
+
+
+@pytest.mark.parametrize("cpu", target.CPUS)
+def test_same_bits_as_the_host(folder, expected, cpu):
+    core, _ = target.compile_core(folder, cpu)
+    done = target.run(target.link(folder, cpu, core))
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == expected
+
+
+@pytest.mark.parametrize("cpu", target.CPUS)
+def test_no_heap_and_bounded_stack(folder, cpu):
+    core, frames = target.compile_core(folder, cpu)
+    assert not target.undefined(core) & HEAP
+    assert len(frames) > 100 and max(frames.values()) < 100_000
+    small, frames = target.compile_core(folder, cpu, {k: v for k, v in target.SMALL.items() if k.startswith("DRIVEID")})
+    assert max(v for name, v in frames.items() if "q31" in name) < 8192
+
+
+@pytest.mark.parametrize("cpu", target.CPUS)
+def test_no_libm_in_the_fixed_point_path(folder, cpu):
+    core, _ = target.compile_core(folder, cpu)
+    for function in ("q31_filter_step", "q31_row", "q31_sums_row", "driveid_monitor_feed"):
+        names = target.code_of(core, function)
+        assert len(names) > 1 or function == "driveid_monitor_feed"
+        assert not names & LIBM, function
+    assert target.code_of(core, "fsm_solve") & LIBM  # the solve, at the rate of answers, is f64: the check sees what is there
+
+
+def test_sixteen_kibibytes(folder):
+    """The small build on the M0+: the state and the q31 path's stack fit beside each other."""
+    core, frames = target.compile_core(folder, "Cortex-M0+", {k: v for k, v in target.SMALL.items() if k.startswith("DRIVEID")})
+    for method in ("fsm", "window"):
+        done = target.run(target.link(folder, "Cortex-M0+", core, {**target.SMALL, "RUN_METHOD": f'"{method}"', "RUN_TYPE": "DRIVEID_Q31", "RUN_SAMPLES": 2500}))
+        assert done.returncode == 0 and "within 1 %: yes" in done.stdout, done.stdout + done.stderr
