@@ -109,6 +109,7 @@ std::vector<Candidate> make_candidates(const Equation &e) {
     c.info = info;
     c.name = info->name;
     c.columns = info->columns;
+    c.speed = r.speed;
     if (!(info->domains & (e.electrical ? DRIVEID_EFFECT_ELECTRICAL : DRIVEID_EFFECT_MECHANICAL))) continue;
     if ((info->needs & DRIVEID_NEED_ROTARY) && !rotary) continue;
     if (is(c, "gravity_unbalance") && !rotary) continue;
@@ -130,7 +131,7 @@ std::vector<Candidate> make_candidates(const Equation &e) {
           x.grid = logarithmic(x.lo, x.hi, info->shapes > 2 ? 5 : 12);
           break;
         case DRIVEID_DIM_LENGTH:
-          x.lo = std::max({s.lo, 1e-6 * range, 0.5 * e.quantum});
+          x.lo = std::max({s.lo, 1e-6 * range, (is(c, "lugre") ? 3 : 0.5) * e.quantum});   // pre-sliding of a few counts is not seen
           x.hi = std::max(2 * x.lo, std::min(s.hi, 0.5 * range));
           if (info->shapes > 2) x.hi = std::max(2 * x.lo, std::min(x.hi, rotary ? 0.02 : 2e-4));
           x.grid = logarithmic(std::max(x.lo, info->shapes > 2 ? 1e-3 * x.hi : 3e-4 * x.hi), x.hi, info->shapes > 2 ? 6 : 14);
@@ -161,8 +162,8 @@ std::vector<Candidate> make_candidates(const Equation &e) {
             c.trials = 20;
           } else {
             if (r.temperature) x.grid = {s.typical};
-            else x.grid = logarithmic(std::max(s.lo, 0.03 * r.span), std::max(s.lo * 2, 6 * r.span), 8);
-            x.lo = std::max(s.lo, 0.01 * r.span);
+            else x.grid = logarithmic(std::max(s.lo, 0.1 * r.span), std::max(s.lo * 2, 6 * r.span), 8);
+            x.lo = std::max(s.lo, 0.05 * r.span);   // a drift is slow against the motion
             x.hi = 20 * std::max(1.0, r.span);
           }
           break;
@@ -421,6 +422,10 @@ bool lawful(const Equation &e, const Candidate &c, const std::vector<double> &sh
   if (is(c, "stribeck") && linear[1] <= 0) return false;
   if (is(c, "torque_saturation") && linear[0] <= 0) return false;
   std::vector<double> p = publish(e, c, shape, linear);
+  if (is(c, "asymmetric_friction")) {   // one law may be nil: a tenth of the other's size is its uncertainty
+    const double size = std::max({std::fabs(p[0]), std::fabs(p[1]), std::fabs(p[2]) * c.speed});
+    return std::isfinite(size) && std::min(p[0], p[1]) > -0.1 * size;
+  }
   for (std::size_t k = 0; k < p.size(); ++k) {
     if (!std::isfinite(p[k])) return false;
     if (c.info->param[k].lo == 0.0 && p[k] < 0) return false;

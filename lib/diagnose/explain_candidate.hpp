@@ -21,6 +21,7 @@ struct Candidate {
   std::string formula;                         // own effects
   std::vector<ShapeAxis> axis;
   int columns = 1;
+  double speed = 0;                            // fastest in the record
   double trials = 1;                           // independent places that the search visits (orders, instants)
 };
 
