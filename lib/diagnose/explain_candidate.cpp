@@ -150,7 +150,7 @@ std::vector<Candidate> make_candidates(const Equation &e) {
       double hi = 0.35 * kTwoPi / r.dt, lo = kTwoPi * std::max(0.5, 4 / std::max(r.span, 1.0));
       hi = std::min(hi, kTwoPi * 1.2 / r.kernel_s * 2);
       axis(lo, hi, true, logarithmic(lo * 2, hi, 18));
-      axis(0.002, 0.25, true, {0.01, 0.05, 0.2});   // a spring rings: what does not is a filter of the position's noise
+      axis(0.002, 0.25, true, {0.01, 0.05, 0.15});
       c.columns = 1;
     } else if (is(c, "backlash")) {
       double hi = 0.35 * kTwoPi / r.dt;
@@ -185,6 +185,7 @@ bool lawful(const Equation &e, const Candidate &c, const std::vector<double> &sh
   if (!c.info) return true;
   for (Eigen::Index k = 0; k < linear.size(); ++k)
     if (!std::isfinite(linear[k])) return false;
+  if (is(c, "compliance") && shape[1] > 0.2) return false;   // what does not ring is a filter, not a spring
   if (is(c, "compliance") || is(c, "backlash")) return linear[0] > 0 && linear[0] < 0.995 * inertia;
   if (is(c, "encoder_eccentricity")) return std::hypot(linear[0], linear[1]) < 0.5;
   if (is(c, "stribeck") && linear[1] <= 0) return false;

@@ -13,12 +13,13 @@ namespace {
 constexpr double kWorthMin = 14;        // log-likelihood beyond cost that an effect must bring
 constexpr double kRelativeMin = 0.003;  // and the share of the squared error
 constexpr double kBroadMin = 0.2;       // or this share of the gain outside its best blocks
+constexpr double kBroadGain = 200;      // where that is this much
 constexpr double kEvidenceMin = 2.5;    // and over blocks: not in one place only
 constexpr double kNearlyAll = 0.01;     // what a simpler law may leave of what the best one takes
 constexpr double kFurtherMin = 0.002;   // of what the accepted effects took: every law is an idealisation to a few per cent (squared here)
 
 bool acceptable(const Option &o) {
-  return o.possible && o.gain > 0 && o.worth() > kWorthMin && o.relative > kRelativeMin && o.relative_raw > kRelativeMin && (o.evidence > kEvidenceMin || (o.evidence > 2 && o.broad > kBroadMin && o.broad * o.gain > 2 * kWorthMin)) && o.held_gain > 0;
+  return o.possible && o.gain > 0 && o.worth() > kWorthMin && o.relative > kRelativeMin && o.relative_raw > kRelativeMin && (o.evidence > kEvidenceMin || (o.evidence > 1 && o.broad > kBroadMin && o.broad * o.gain > kBroadGain)) && o.held_gain > 0;
 }
 
 int complexity(const Search &s, const Option &o) {
@@ -216,8 +217,8 @@ Analysis analyse(Equation equation, const driveid_model &model, const Settings &
   a.families = make_families(equation);
   a.floor = find_floor(equation, a.families);
   std::vector<Candidate> candidates = make_candidates(equation);
-  // A drive's voltage and current come from one inverter; the dead time of its command shows in the motion.
-  if (equation.electrical && model.structure != DRIVEID_STRUCTURE_DC_CIRCUIT)
+  // Voltage and current are read in one inverter; the dead time of its command shows in the motion.
+  if (equation.electrical)
     std::erase_if(candidates, [](const Candidate &c) { return c.name == "delay"; });
   if (!settings.effects.empty())
     std::erase_if(candidates, [&](const Candidate &c) { return std::find(settings.effects.begin(), settings.effects.end(), c.name) == settings.effects.end(); });
@@ -365,12 +366,20 @@ Analysis analyse(Equation equation, const driveid_model &model, const Settings &
   double left = a.removable > 0 ? (a.after.score.total - floor_sse) / a.removable : 0;
   // Noise of the current on both sides of a voltage equation looks like a curved resistance: more is asked there.
   const bool electrical = search.equation().electrical;
-  bool more = a.remainder.gain > 40 && (a.remainder.evidence > 3 || (a.remainder.evidence > 1.5 && a.remainder.broad > kBroadMin && a.remainder.broad * a.remainder.gain > 100)) && (a.after.score.total - a.remainder.sse) / a.after.score.total > (electrical ? 0.12 : 0.03);
+  bool more = a.remainder.gain > 40 && (a.remainder.evidence > 3 || (a.remainder.evidence > 1.5 && a.remainder.broad > kBroadMin && a.remainder.broad * a.remainder.gain > kBroadGain)) && (a.after.score.total - a.remainder.sse) / a.after.score.total > (electrical ? 0.12 : 0.03);
   a.regular_before = structure_of(search.equation(), a.before.residual);
   a.regular_after = structure_of(search.equation(), a.after.residual);
   const bool regular = a.regular_after.share > 0.4 && a.regular_after.evidence > 4 && a.regular_after.power > 0.35 * a.regular_before.power;
   a.unknown_worth = std::max(a.remainder.gain, regular ? 0.5 * n * a.regular_after.share : 0.0);
-  a.unknown = (more && (a.found.empty() || left > 0.35)) || regular;
+  // What is left in the very coordinates of an accepted effect is sooner its idealisation than something else.
+  // A wave whose size varies with speed contradicts cogging, which has one size.
+  bool same = false, contradicted = false;
+  if (!a.remainder.family.empty())
+    for (const std::string &name : a.families[std::size_t(a.remainder.family[0])].catalogue)
+      for (const Found &f : a.found) same |= f.name == name;
+  if (!a.remainder.family.empty() && a.families[std::size_t(a.remainder.family[0])].name == "order_speed")
+    for (const Found &f : a.found) contradicted |= f.name == "cogging";
+  a.unknown = (more && (a.found.empty() || left > (contradicted ? 0.15 : same ? 0.5 : 0.35))) || regular;
   if (settings.tick) settings.tick(1.0);
   return a;
 }
