@@ -45,7 +45,7 @@ struct Track {                     // one piece of one record in one equation
 };
 
 struct BaseColumn {
-  std::string name;                // parameter name in the model ("J_kgm2"), or effect.parameter
+  std::string name;                // parameter name in the model ("J_kgm2"); empty: a nuisance
   bool given = false;
   double value = 0;
 };

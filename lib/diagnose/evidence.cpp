@@ -21,4 +21,16 @@ double evidence(const std::vector<double> &before, const std::vector<double> &af
   return sum / std::sqrt(square);
 }
 
+double broad(const std::vector<double> &before, const std::vector<double> &after) {
+  std::vector<double> change;
+  double whole = 0;
+  for (std::size_t b = 0; b < before.size(); ++b) change.push_back(before[b] - after[b]), whole += change.back();
+  if (!(whole > 0)) return 0;
+  std::sort(change.begin(), change.end());
+  const std::size_t out = std::max<std::size_t>(1, (change.size() + 5) / 10);
+  double left = 0;
+  for (std::size_t b = 0; b + out < change.size(); ++b) left += change[b];
+  return left / whole;
+}
+
 }  // namespace driveid::diagnose

@@ -11,4 +11,7 @@ namespace driveid::diagnose {
 // change count for nothing.
 double evidence(const std::vector<double> &before, const std::vector<double> &after);
 
+// Share of the whole gain that is left when the tenth of the blocks that gained most is taken out.
+double broad(const std::vector<double> &before, const std::vector<double> &after);
+
 }  // namespace driveid::diagnose

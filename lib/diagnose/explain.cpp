@@ -70,7 +70,7 @@ std::vector<Value> values_of(const Search &search, const Solution &solution, std
 double confidence_of(const Analysis &a, const Found &f) {
   double lead = 1 - std::exp(-std::max(0.0, f.margin) / 6), strength = 1 - std::exp(-std::max(0.0, f.worth) / 8), whole = std::clamp(a.explained / 0.7, 0.2, 1.0);
   double c = (0.35 + 0.63 * lead) * strength * whole;
-  return f.ties.empty() ? c : c / double(1 + f.ties.size());
+  return c;   // of a tie: that one of its members is right
 }
 
 void set_value(driveid_param &p, const Value &v) {
@@ -114,8 +114,8 @@ driveid_frame frame_of(const std::vector<Analysis> &analysis) {
 
 // Residual over the coordinates in which the strongest general family is regular.
 ordered_json shape_table(const Analysis &a) {
-  if (a.remainder.family.empty()) return nullptr;
-  const Family &f = a.families[std::size_t(a.remainder.family[0])];
+  static const Family over_time{"time", {"t_s"}, {}, {}};   // regular in no coordinate of the motion
+  const Family &f = a.remainder.family.empty() ? over_time : a.families[std::size_t(a.remainder.family[0])];
   const Equation &e = a.search->equation();
   auto value = [&](const std::string &coordinate, const driveid_effect_state &s) {
     if (coordinate == "omega_rad_s" || coordinate == "v_m_s") return s.speed;
@@ -274,9 +274,9 @@ Explanation explain(const driveid_model &model, const driveid_task &task, const 
         }
       if (!merged) x.ranked.push_back(std::move(r));
     }
-    if (a.unknown && a.remainder.gain > unknown_gain) {
+    if (a.unknown && a.unknown_worth > unknown_gain) {
       unknown = true;
-      unknown_gain = a.remainder.gain;
+      unknown_gain = a.unknown_worth;
       x.shape = shape_table(a);
     }
   }

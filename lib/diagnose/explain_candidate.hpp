@@ -21,6 +21,7 @@ struct Candidate {
   std::string formula;                         // own effects
   std::vector<ShapeAxis> axis;
   int columns = 1;
+  double speed = 0;                            // fastest in the record
   double trials = 1;                           // independent places that the search visits (orders, instants)
 };
 
@@ -39,6 +40,7 @@ struct Nominal {
   double inertia = 0, damping = 0;
 };
 
+bool is(const Candidate &candidate, const char *effect);
 std::vector<Candidate> make_candidates(const Equation &equation);
 Candidate own_candidate(const driveid_effect_use &use, std::string &error);
 Term realise(const Equation &equation, const Candidate &candidate, const std::vector<double> &shape, const Nominal &nominal);
@@ -48,6 +50,9 @@ std::vector<double> publish(const Equation &equation, const Candidate &candidate
 bool lawful(const Equation &equation, const Candidate &candidate, const std::vector<double> &shape, const Eigen::VectorXd &linear, double inertia);
 std::vector<double> shape_of(const Equation &equation, const Candidate &candidate, const std::vector<double> &published, double inertia);
 bool subsumes(const Candidate &a, const Candidate &b);
+
+// Load position behind spring, damper and (with gap > 0) clearance, driven by the measured motor position.
+void load_position(const Track &track, double w, double zeta, double gap, std::vector<double> &x);
 
 // Noise power that a solution with a second mass lets through, relative to the rigid one: a spring also filters the position's
 // noise, and what that wins explains nothing. 1 for every other candidate.

@@ -12,12 +12,14 @@ namespace {
 
 constexpr double kWorthMin = 14;        // log-likelihood beyond cost that an effect must bring
 constexpr double kRelativeMin = 0.003;  // and the share of the squared error
+constexpr double kBroadMin = 0.2;       // or this share of the gain outside its best blocks
+constexpr double kBroadGain = 200;      // where that is this much
 constexpr double kEvidenceMin = 2.5;    // and over blocks: not in one place only
 constexpr double kNearlyAll = 0.01;     // what a simpler law may leave of what the best one takes
 constexpr double kFurtherMin = 0.002;   // of what the accepted effects took: every law is an idealisation to a few per cent (squared here)
 
 bool acceptable(const Option &o) {
-  return o.possible && o.gain > 0 && o.worth() > kWorthMin && o.relative > kRelativeMin && o.relative_raw > kRelativeMin && o.evidence > kEvidenceMin && o.held_gain > 0;
+  return o.possible && o.gain > 0 && o.worth() > kWorthMin && o.relative > kRelativeMin && o.relative_raw > kRelativeMin && (o.evidence > kEvidenceMin || (o.evidence > 1 && o.broad > kBroadMin && o.broad * o.gain > kBroadGain)) && o.held_gain > 0;
 }
 
 int complexity(const Search &s, const Option &o) {
@@ -86,6 +88,33 @@ bool reexamine(Search &search, std::vector<Member> &chosen) {
   return changed;
 }
 
+// Asymmetric friction beside another dry friction is as well that friction beside a load, the commoner machine and the simpler law.
+void simplify_asymmetry(Search &search, std::vector<Member> &chosen) {
+  int load = -1;
+  for (std::size_t c = 0; c < search.candidates().size(); ++c)
+    if (search.candidates()[c].name == "constant_load") load = int(c);
+  if (load < 0) return;
+  auto name = [&](const Member &m) { return search.candidates()[std::size_t(m.candidate)].name; };
+  for (std::size_t m = 0; m < chosen.size(); ++m) {
+    if (chosen[m].kept || name(chosen[m]) != "asymmetric_friction") continue;
+    std::vector<Member> others = without(chosen, m), rest;
+    bool dry = false;
+    for (const Member &o : others) {
+      const bool is_dry = !o.kept && (name(o) == "stribeck" || name(o) == "lugre" || name(o) == "hysteresis");
+      dry |= is_dry;
+      if (!is_dry) rest.push_back(o);
+    }
+    if (!dry) return;
+    rest.push_back({load, {}, false});
+    std::vector<Option> options = search.offer(rest);
+    const int best = pick(search, options);
+    if (best < 0) return;
+    std::vector<Member> simpler = search.joined(rest, options[std::size_t(best)].candidate, options[std::size_t(best)].shape);
+    if (search.solve(simpler).score.total < 1.05 * search.solve(chosen).score.total) chosen = simpler;
+    return;
+  }
+}
+
 }  // namespace
 
 Remainder beyond(const Search &search, const std::vector<Family> &families, const std::vector<Member> &members) {
@@ -145,14 +174,52 @@ Remainder beyond(const Search &search, const std::vector<Family> &families, cons
   out.sse = current.total;
   out.gain = 0.5 * n * std::log(start.total / std::max(current.total, 1e-300)) - 2 * double(out.family.size());
   out.evidence = evidence(start.sse, current.sse);
+  out.broad = broad(start.sse, current.sse);
   return out;
+}
+
+// Speed and voltage are not sampled at the very same instant: the speed's share of the voltage may lie early or late.
+void add_skew(Equation &e) {
+  const bool from_speed = !e.tracks[0].speed_raw.empty();
+  e.base.conservativeResize(Eigen::Index(e.rows), e.base.cols() + 1);
+  e.base.col(e.base.cols() - 1) = stack(e, [from_speed](const Track &t, std::vector<double> &f) { f = from_speed ? t.speed_raw : t.position; }, from_speed ? 1 : 2);
+  e.base_column.push_back({"", false, 0});
+}
+
+Structure structure_of(const Equation &e, const Eigen::VectorXd &residual) {
+  std::vector<double> none(e.block_held_out.size(), 0.0), product(e.block_held_out.size(), 0.0);
+  double pairs = 0, sum = 0, square = 0, count = 0;
+  for (const Track &t : e.tracks) {
+    if (t.row.size() < 2) continue;
+    const int step = std::max(1, t.row[1] - t.row[0]), lag = (2 * t.kernel.half + 1) / step + 1;
+    for (std::size_t r = 0; r < t.row.size(); ++r) {
+      const double a = residual[Eigen::Index(t.first + r)];
+      square += a * a;
+      count += 1;
+      if (r + std::size_t(lag) >= t.row.size() || t.run[r + std::size_t(lag)] != t.run[r]) continue;
+      const double ab = a * residual[Eigen::Index(t.first + r) + lag];
+      sum += ab;
+      pairs += 1;
+      product[std::size_t(e.block[t.first + r])] -= ab;
+    }
+  }
+  Structure s;
+  if (pairs < 20 || !(square > 0)) return s;
+  s.share = (sum / pairs) / (square / count);
+  s.power = std::max(0.0, s.share) * square;
+  s.evidence = evidence(none, product);
+  return s;
 }
 
 Analysis analyse(Equation equation, const driveid_model &model, const Settings &settings, std::vector<Notice> &notices) {
   Analysis a;
+  if (equation.electrical && !equation.tracks.empty() && !equation.tracks[0].position.empty()) add_skew(equation);
   a.families = make_families(equation);
   a.floor = find_floor(equation, a.families);
   std::vector<Candidate> candidates = make_candidates(equation);
+  // Voltage and current are read in one inverter; the dead time of its command shows in the motion.
+  if (equation.electrical)
+    std::erase_if(candidates, [](const Candidate &c) { return c.name == "delay"; });
   if (!settings.effects.empty())
     std::erase_if(candidates, [&](const Candidate &c) { return std::find(settings.effects.begin(), settings.effects.end(), c.name) == settings.effects.end(); });
   // effects that the user's model already has
@@ -204,8 +271,10 @@ Analysis analyse(Equation equation, const driveid_model &model, const Settings &
     }
   }
   a.before = search.solve(kept);
-  a.general = beyond(search, a.families, kept);
   a.offered = search.offer(kept);
+  for (const Option &o : a.offered)
+    if (o.possible && o.gain > 10 && search.candidates()[std::size_t(o.candidate)].name == "cogging") a.families.push_back(order_family(search.equation(), o.shape[0]));
+  a.general = beyond(search, a.families, kept);
   a.chosen = kept;
   std::vector<Option> options = a.offered;
   for (int depth = 0; depth < settings.most_effects && !search.cancelled(); ++depth) {
@@ -252,6 +321,7 @@ Analysis analyse(Equation equation, const driveid_model &model, const Settings &
     a.steps.push_back(a.chosen);
     options = search.offer(a.chosen);
   }
+  simplify_asymmetry(search, a.chosen);
   a.after = search.solve(a.chosen);
   a.remainder = beyond(search, a.families, a.chosen);
   const double floor_sse = std::min({a.general.sse, a.remainder.sse, a.after.score.total});
@@ -284,10 +354,10 @@ Analysis analyse(Equation equation, const driveid_model &model, const Settings &
       if (!o.possible || o.candidate == a.chosen[m].candidate) continue;
       double behind = 0.5 * n * std::log(o.total / std::max(total_with, 1e-300));
       const Candidate &rival = search.candidates()[std::size_t(o.candidate)];
-      bool contains = subsumes(rival, c);
-      if (!contains) f.margin = std::min(f.margin, behind);
+      if (subsumes(rival, c)) continue;
       bool close = behind < 5 && behind < 0.1 * f.worth && std::sqrt(o.total / total_with) < 1.05 && o.held_gain > 0;
-      if (close && !contains && acceptable(o)) f.ties.push_back({o.candidate, o.shape, o.total, rival.name});
+      if (close && acceptable(o)) f.ties.push_back({o.candidate, o.shape, o.total, rival.name});
+      else f.margin = std::min(f.margin, behind);
     }
     std::sort(f.ties.begin(), f.ties.end(), [](const Tie &x, const Tie &y) { return x.total < y.total; });
     a.found.push_back(std::move(f));
@@ -296,8 +366,20 @@ Analysis analyse(Equation equation, const driveid_model &model, const Settings &
   double left = a.removable > 0 ? (a.after.score.total - floor_sse) / a.removable : 0;
   // Noise of the current on both sides of a voltage equation looks like a curved resistance: more is asked there.
   const bool electrical = search.equation().electrical;
-  bool more = a.remainder.gain > 40 && a.remainder.evidence > 3 && (a.after.score.total - a.remainder.sse) / a.after.score.total > (electrical ? 0.12 : 0.03);
-  a.unknown = more && (a.found.empty() || left > 0.35);
+  bool more = a.remainder.gain > 40 && (a.remainder.evidence > 3 || (a.remainder.evidence > 1.5 && a.remainder.broad > kBroadMin && a.remainder.broad * a.remainder.gain > kBroadGain)) && (a.after.score.total - a.remainder.sse) / a.after.score.total > (electrical ? 0.12 : 0.03);
+  a.regular_before = structure_of(search.equation(), a.before.residual);
+  a.regular_after = structure_of(search.equation(), a.after.residual);
+  const bool regular = a.regular_after.share > 0.4 && a.regular_after.evidence > 4 && a.regular_after.power > 0.35 * a.regular_before.power;
+  a.unknown_worth = std::max(a.remainder.gain, regular ? 0.5 * n * a.regular_after.share : 0.0);
+  // What is left in the very coordinates of an accepted effect is sooner its idealisation than something else.
+  // A wave whose size varies with speed contradicts cogging, which has one size.
+  bool same = false, contradicted = false;
+  if (!a.remainder.family.empty())
+    for (const std::string &name : a.families[std::size_t(a.remainder.family[0])].catalogue)
+      for (const Found &f : a.found) same |= f.name == name;
+  if (!a.remainder.family.empty() && a.families[std::size_t(a.remainder.family[0])].name == "order_speed")
+    for (const Found &f : a.found) contradicted |= f.name == "cogging";
+  a.unknown = (more && (a.found.empty() || left > (contradicted ? 0.15 : same ? 0.5 : 0.35))) || regular;
   if (settings.tick) settings.tick(1.0);
   return a;
 }

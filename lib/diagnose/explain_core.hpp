@@ -13,9 +13,15 @@ namespace driveid::diagnose {
 struct Remainder {                  // what general regressors find beyond a set of members
   double sse = 0;                   // cross-validated, with them
   double gain = 0;                  // log-likelihood, net of their cost
-  double evidence = 0;              // over blocks
+  double evidence = 0, broad = 0;   // over blocks (evidence.hpp)
   std::vector<int> family;          // in the order found
   std::vector<double> family_gain;
+};
+
+struct Structure {                  // error that a kernel's width of noise cannot make: it stays alike beyond the kernel's support
+  double share = 0;                 // of the squared error, raw rows
+  double power = 0;                 // its square, raw
+  double evidence = 0;              // over blocks
 };
 
 struct Tie {
@@ -44,9 +50,11 @@ struct Analysis {
   Solution before, after;
   Remainder remainder;              // beyond chosen
   Remainder general;                // beyond the user's model alone
+  Structure regular_before, regular_after;
   double removable = 0;             // whitened squared error that can go, at least
   double explained = 0;             // share of it that the accepted effects remove
   bool unknown = false;
+  double unknown_worth = 0;         // log-likelihood that something unknown holds
   std::vector<std::vector<Member>> steps;   // the set after each accepted step
 };
 
@@ -58,6 +66,7 @@ struct Settings {
 };
 
 Analysis analyse(Equation equation, const driveid_model &model, const Settings &settings, std::vector<Notice> &notices);
+Structure structure_of(const Equation &equation, const Eigen::VectorXd &residual);
 Remainder beyond(const Search &search, const std::vector<Family> &families, const std::vector<Member> &members);
 
 }  // namespace driveid::diagnose

@@ -199,6 +199,7 @@ Option Search::judged(int index, const Context &context, const std::vector<doubl
   o.relative = 1 - score.total / against.total;
   o.held_gain = score.held_rows > 0 ? 0.5 * score.held_rows * std::log(against.held / std::max(score.held, 1e-300)) : 0;
   o.evidence = evidence(against.sse, score.sse);
+  o.broad = broad(against.sse, score.sse);
   o.relative_raw = 1 - o.raw / std::max(context.raw, 1e-300);
   if (c.name == "compliance" && t.column.cols() && shape[1] > 0.2) {   // a filter of noise does not ring
     Eigen::VectorXd p = gram.solve(all, {}, false);
@@ -315,6 +316,7 @@ std::vector<Option> Search::offer(const std::vector<Member> &members, const std:
           o.gain = 0.5 * rows_ * std::log(against.total / std::max(o.total, 1e-300));
           o.relative = 1 - o.total / against.total;
           o.evidence = evidence(against.sse, o.sse);
+          o.broad = broad(against.sse, o.sse);
           o.relative_raw = 1 - o.raw / std::max(raw_before, 1e-300);
         }
         out[k] = o;

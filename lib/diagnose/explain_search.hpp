@@ -27,6 +27,7 @@ struct Option {
   double cost = 0;            // what that gain must pay for: columns, shapes, places looked at
   double relative = 0;        // share of the squared error that goes
   double evidence = 0;        // over blocks (evidence.hpp)
+  double broad = 0;           // share of the gain left without the best tenth of the blocks
   double check = -1;          // spring: share of the error left when it is seen from the drive; negative: not asked
   double unchecked = 0;       // total before that
   double relative_raw = 0;    // the same share before whitening: what a user sees fall

@@ -49,6 +49,7 @@ struct Floor {
 };
 
 std::vector<Family> make_families(const Equation &equation);
+Family order_family(const Equation &equation, double order);   // a wave of one order whose size depends on speed
 Floor find_floor(Equation &equation, const std::vector<Family> &families);   // also fits the whitening of the equation
 
 }  // namespace driveid::diagnose

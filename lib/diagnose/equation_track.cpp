@@ -1,0 +1,168 @@
+// SPDX-License-Identifier: Apache-2.0
+// From a piece of a record to a track: kernel width, smoothed motion, rests, states, rows.
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+
+#include "diagnose/equation_build.hpp"
+
+namespace driveid::diagnose {
+namespace {
+
+constexpr std::size_t kRowsMax = 24000;  // rows of one equation
+
+}  // namespace
+
+std::vector<double> convolve_all(const std::vector<double> &x, const Kernel &k, int derivative) {
+  const std::ptrdiff_t n = std::ptrdiff_t(x.size()), h = k.half;
+  std::vector<double> out(x.size(), 0.0);
+  const double *w = k.w[derivative].data();
+  for (std::ptrdiff_t c = h; c + h < n; ++c) {
+    double sum = 0, centre = derivative ? x[std::size_t(c)] : 0;
+    for (std::ptrdiff_t i = -h; i <= h; ++i) sum += w[i + h] * (x[std::size_t(c + i)] - centre);
+    out[std::size_t(c)] = sum;
+  }
+  for (std::ptrdiff_t c = 0; c < std::min(h, n); ++c) out[std::size_t(c)] = n > 2 * h ? out[std::size_t(h)] : x[std::size_t(c)];
+  for (std::ptrdiff_t c = std::max<std::ptrdiff_t>(0, n - h); c < n; ++c) out[std::size_t(c)] = n > 2 * h ? out[std::size_t(n - h - 1)] : x[std::size_t(c)];
+  return out;
+}
+
+double norm2(const std::vector<double> &w) {
+  double s = 0;
+  for (double v : w) s += v * v;
+  return std::sqrt(s);
+}
+
+// Half width (s) that leaves the acceleration with at most 1 % noise power: at least 12 ms (drives do little above 50 Hz) and 4 samples,
+// at most 80 ms or 8 samples.
+double choose_width(const Source &s) {
+  const Prepared &r = *s.record;
+  const bool from_speed = s.roles.position.empty();
+  const std::string &name = from_speed ? s.roles.speed : s.roles.position;
+  const double sigma = r.quality.at(name).noise;
+  const int most = std::max(8, int(0.08 / r.dt_s)), least = std::max(4, int(0.012 / r.dt_s + 0.5));
+  static const int widths[] = {4, 5, 6, 8, 10, 12, 15, 18, 22, 27, 33, 40, 50, 60, 75, 90, 110, 135, 165, 200, 250, 320, 400};
+  int best = least;
+  for (int h : widths) {
+    if (h < least && h < most) continue;
+    if (h > most) break;
+    best = h;
+    Kernel k = make_kernel(h, r.dt_s);
+    double noise = sigma * norm2(k.w[from_speed ? 1 : 2]), sum = 0;
+    std::size_t count = 0;
+    for (const Piece &p : r.pieces) {
+      const auto &x = p.signal.at(name);
+      for (std::size_t c = std::size_t(h); c + std::size_t(h) < p.n; c += std::size_t(std::max(1, h / 2))) {
+        double a = 0;
+        for (int i = -h; i <= h; ++i) a += k.w[from_speed ? 1 : 2][std::size_t(i + h)] * (x[std::size_t(std::ptrdiff_t(c) + i)] - x[c]);
+        sum += a * a;
+        ++count;
+      }
+    }
+    double power = count ? sum / double(count) : 0;
+    if (noise * noise < 0.01 * std::max(0.0, power - noise * noise)) break;
+  }
+  return best * r.dt_s;
+}
+
+Fine kinematics(const Source &s, const Piece &p, double dt, const Kernel &wide, const Kernel &narrow) {
+  Fine f;
+  if (!s.roles.position.empty()) {
+    f.position = p.signal.at(s.roles.position);
+    f.speed = convolve_all(f.position, narrow, 1);
+    f.accel = convolve_all(f.position, wide, 2);
+    f.speed_noise = s.record->quality.at(s.roles.position).noise * norm2(narrow.w[1]);
+  } else {
+    f.raw_speed = p.signal.at(s.roles.speed);
+    f.speed = convolve_all(f.raw_speed, narrow, 0);
+    f.accel = convolve_all(f.raw_speed, wide, 1);
+    f.speed_noise = s.record->quality.at(s.roles.speed).noise * norm2(narrow.w[0]);
+    f.position.assign(p.n, 0.0);
+    for (std::size_t k = 1; k < p.n; ++k) f.position[k] = f.position[k - 1] + 0.5 * dt * (f.raw_speed[k] + f.raw_speed[k - 1]);
+  }
+  return f;
+}
+
+// Rest: the smoothed speed stays inside its own noise for at least a kernel's width.
+std::vector<unsigned char> rests(const Fine &f, const Source &s, double dt, int half) {
+  std::vector<unsigned char> rest(f.speed.size(), 0);
+  double quantum = s.roles.position.empty() ? 0 : s.record->quality.at(s.roles.position).quantum;
+  double limit = std::max(4 * f.speed_noise, 0.7 * quantum / (double(half) * dt));
+  std::size_t a = 0;
+  const std::size_t n = f.speed.size();
+  for (std::size_t k = 0; k <= n; ++k) {
+    bool slow = k < n && std::fabs(f.speed[k]) < limit;
+    if (slow) continue;
+    if (k - a >= std::size_t(std::max(4, half))) std::fill(rest.begin() + std::ptrdiff_t(a), rest.begin() + std::ptrdiff_t(k), 1);
+    a = k + 1;
+  }
+  return rest;
+}
+
+void fill_states(Track &t, const Piece &p, const Fine &f, const std::vector<double> &drive, double gain, double shift_s, const std::vector<double> &current,
+                 const std::vector<double> *temperature, bool electrical, double resistance) {
+  const std::size_t n = p.n;
+  t.state.assign(n, driveid_effect_state{});
+  const double shift = shift_s / t.dt_s, whole = std::floor(shift), part = shift - whole;
+  for (std::size_t k = 0; k < n; ++k) {
+    driveid_effect_state &s = t.state[k];
+    s.t_s = p.t0_s + double(k) * t.dt_s;
+    s.dt_s = k ? t.dt_s : 0;
+    if (!f.speed.empty()) {
+      s.angle = f.position[k];
+      s.speed = f.speed[k];
+      s.accel = f.accel[k];
+      double a = k ? 0.5 * (f.speed[k] + f.speed[k - 1]) : f.speed[k], b = k + 1 < n ? 0.5 * (f.speed[k] + f.speed[k + 1]) : f.speed[k];
+      if ((a > 0) == (b > 0)) s.direction = a > 0 ? 1 : -1;
+      else s.direction = (std::fabs(b) * (b > 0 ? 1 : -1) + std::fabs(a) * (a > 0 ? 1 : -1)) / std::max(1e-300, std::fabs(a) + std::fabs(b));
+    }
+    auto at = [&](double index) { return drive[std::size_t(std::clamp(index, 0.0, double(n - 1)))]; };
+    s.drive = (1 - part) * at(double(k) - whole) + part * at(double(k) - whole - 1);
+    s.gain = gain;
+    s.torque = gain * s.drive;
+    s.current_A = current.empty() ? 0 : current[k];
+    s.resistance_ohm = resistance;
+    s.electrical = electrical;
+    if (temperature) s.T_degC = (*temperature)[k], s.has_temperature = 1;
+  }
+}
+
+// Rows a third of the half width apart, away from the ends, from rests and from long fills.
+void place_rows(Track &t, const Piece &p, int step, bool skip_rests, int &run) {
+  const int n = int(p.n), half = t.kernel.half, margin = 2 * half + 2;
+  std::vector<int> bad(p.n + 1, 0);
+  int filled = 0;
+  for (int k = 0; k < n; ++k) {
+    filled = p.filled[std::size_t(k)] ? filled + 1 : 0;
+    bool b = filled >= 3 || (skip_rests && t.rest[std::size_t(k)]);
+    bad[std::size_t(k) + 1] = bad[std::size_t(k)] + b;
+  }
+  ++run;
+  bool open = false;
+  for (int c = margin; c < n - margin; c += step) {
+    if (bad[std::size_t(c + half + 1)] - bad[std::size_t(c - half)] > 0) {
+      if (open) ++run;
+      open = false;
+      continue;
+    }
+    open = true;
+    t.row.push_back(c);
+    t.run.push_back(run);
+  }
+}
+
+int row_step(const std::vector<Source> &sources, double width_s) {
+  std::size_t total = 0;
+  double dt = sources[0].record->dt_s;
+  for (const Source &s : sources)
+    for (const Piece &p : s.record->pieces) total += p.n;
+  int half = std::max(3, int(std::lround(width_s / dt)));
+  return std::max({1, half / 3, int((total + kRowsMax - 1) / kRowsMax)});
+}
+
+const std::vector<double> *temperature_of(const Piece &p) {
+  auto it = p.signal.find("T_degC");
+  return it == p.signal.end() ? nullptr : &it->second;
+}
+
+}  // namespace driveid::diagnose
