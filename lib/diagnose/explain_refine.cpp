@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "diagnose/explain_refine.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 
@@ -13,13 +14,14 @@ constexpr double kStrayed = 4;   // a value this many times away is another mini
 
 bool strayed(double before, double after) { return !std::isfinite(after) || (before != 0 && (std::fabs(after) > kStrayed * std::fabs(before) || std::fabs(after) < std::fabs(before) / kStrayed)); }
 
-// Two estimators of one truth: where they agree the sharper one stands, where they do not the model is imperfect and the interval reaches over both.
+// Two estimators of one truth: the interval is the wider of theirs (a simulation that hangs on a threshold looks far too sure of itself); where they
+// contradict each other the model is imperfect, and it reaches over both.
 void reconcile(driveid_param &refined, const driveid_param &found, bool phase) {
   const double turn = 6.283185307179586, away = phase ? std::fabs(std::remainder(refined.value - found.value, turn)) : std::fabs(refined.value - found.value);
   const double own = 0.5 * (refined.hi - refined.lo), other = 0.5 * (found.hi - found.lo);
-  if (!(away > own + other)) return;
-  refined.lo = refined.value - away - other;
-  refined.hi = refined.value + away + other;
+  const double half = away > own + other ? away + other : std::max(own, other);
+  refined.lo = refined.value - half;
+  refined.hi = refined.value + half;
 }
 
 const driveid_effect_use *use_of(const driveid_model &model, const char *name, int which) {
