@@ -264,7 +264,7 @@ Compared compare_record(const driveid_model &model, const Prepared &record, bool
   const driveid_signal signal = scored_signal(model, record);
   if (signal == DRIVEID_SIGNAL_COUNT) return out;
   const driveid_sim_mode whole = whole_mode(model, record);
-  const std::vector<batch::Stretch> stretches = make_stretches(model, record, hold_of(set, record, whole));
+  const std::vector<batch::Stretch> stretches = make_stretches(model, record, timing_of(set, record, whole));
   std::vector<std::vector<double>> free, windows, step;
   for (const batch::Stretch &s : stretches) {
     free.push_back(predict_windows(model, s, whole, signal, 0));

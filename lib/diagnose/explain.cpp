@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "diagnose/explain.hpp"
+#include "diagnose/explain_refine.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -280,6 +281,7 @@ Explanation explain(const driveid_model &model, const driveid_task &task, const 
       x.shape = shape_table(a);
     }
   }
+  if (!x.ranked.empty() && step(0.93, "refining the values")) refine_ranked(x);
   std::stable_sort(x.ranked.begin(), x.ranked.end(), [](const Ranked &p, const Ranked &q) { return p.worth > q.worth; });
   if (x.ranked.empty()) x.verdict = unknown ? "unknown" : "nothing_missing";
   else if (unknown && unknown_gain > 0.3 * found_worth) x.verdict = "unknown";

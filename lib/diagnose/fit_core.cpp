@@ -44,7 +44,7 @@ std::vector<double> slope(const std::vector<double> &x, double dt) {
 
 }  // namespace
 
-std::vector<batch::Stretch> make_stretches(const driveid_model &model, const Prepared &record, driveid_hold hold) {
+std::vector<batch::Stretch> make_stretches(const driveid_model &model, const Prepared &record, const Timing &timing) {
   const bool linear = model.structure == DRIVEID_STRUCTURE_LINEAR_AXIS;
   const Roles roles = roles_of(model, record);
   const driveid_signal position = linear ? DRIVEID_SIGNAL_X_M : DRIVEID_SIGNAL_THETA_RAD, speed = linear ? DRIVEID_SIGNAL_V_M_S : DRIVEID_SIGNAL_OMEGA_RAD_S;
@@ -52,7 +52,8 @@ std::vector<batch::Stretch> make_stretches(const driveid_model &model, const Pre
   for (const Piece &piece : record.pieces) {
     if (piece.n < 40) continue;
     batch::Stretch s;
-    s.hold = hold;
+    s.hold = timing.hold;
+    s.skew_s = timing.skew_s;
     s.t_s.resize(piece.n);
     for (std::size_t k = 0; k < piece.n; k++) s.t_s[k] = piece.t0_s + double(k) * record.dt_s;
     for (const auto &[name, values] : piece.signal) {
@@ -70,15 +71,24 @@ std::vector<batch::Stretch> make_stretches(const driveid_model &model, const Pre
   return out;
 }
 
-driveid_hold hold_of(const EquationSet &set, const Prepared &record, driveid_sim_mode mode) {
-  if (record.hold == "average") return DRIVEID_HOLD_AVERAGE;
-  if (record.hold == "zoh") return DRIVEID_HOLD_ZERO;
-  if (record.hold == "instant") return DRIVEID_HOLD_FIRST;
+Timing timing_of(const std::vector<const Equation *> &equations, const Prepared &record, driveid_sim_mode mode) {
+  if (record.hold == "average") return {DRIVEID_HOLD_AVERAGE, 0, true};
+  if (record.hold == "zoh") return {DRIVEID_HOLD_ZERO, 0, true};
+  if (record.hold == "instant") return {DRIVEID_HOLD_FIRST, 0, true};
   const Equation *chosen = nullptr;
-  for (const Equation &e : set.equation)
-    if (!chosen || e.electrical == (mode != DRIVEID_SIM_MECHANICAL)) chosen = &e;   // voltage drives the circuit, current the axis
-  if (!chosen || chosen->input_shift_s == 0) return DRIVEID_HOLD_FIRST;
-  return chosen->input_shift_s > 0 ? DRIVEID_HOLD_ZERO : DRIVEID_HOLD_AVERAGE;
+  for (const Equation *e : equations)
+    if (!chosen || e->electrical == (mode != DRIVEID_SIM_MECHANICAL)) chosen = e;   // voltage drives the circuit, current the axis
+  if (!chosen || !(record.dt_s > 0)) return {};
+  const double shift = chosen->input_shift_s, half = 0.5 * record.dt_s;
+  if (shift > 0.5 * half) return {DRIVEID_HOLD_ZERO, shift - half, false};
+  if (shift < -0.5 * half) return {DRIVEID_HOLD_AVERAGE, shift + half, false};
+  return {DRIVEID_HOLD_FIRST, shift, false};
+}
+
+Timing timing_of(const EquationSet &set, const Prepared &record, driveid_sim_mode mode) {
+  std::vector<const Equation *> equations;
+  for (const Equation &e : set.equation) equations.push_back(&e);
+  return timing_of(equations, record, mode);
 }
 
 std::vector<Part> parts_of(const driveid_model &model, const Prepared &record) {
@@ -201,6 +211,7 @@ struct Trial {
 };
 
 struct Data {
+  bool free_skew = false;
   std::vector<batch::Stretch> training, judged;   // judged: kept aside
 };
 
@@ -208,6 +219,7 @@ batch::Stretch cut_out(const batch::Stretch &s, std::size_t from, std::size_t to
   auto part = [&](const std::vector<double> &v) { return std::vector<double>(v.begin() + std::ptrdiff_t(from), v.begin() + std::ptrdiff_t(to)); };
   batch::Stretch out;
   out.hold = s.hold;
+  out.skew_s = s.skew_s;
   std::copy(std::begin(s.noise), std::end(s.noise), out.noise);
   out.t_s = part(s.t_s);
   for (int c = 0; c < DRIVEID_SIGNAL_COUNT; c++)
@@ -217,7 +229,7 @@ batch::Stretch cut_out(const batch::Stretch &s, std::size_t from, std::size_t to
 
 // Held-out records judge; without them the last 30 % of the training stretches do, and in a second turn the first 30 %.
 std::vector<Data> folds(const std::vector<batch::Stretch> &training, const std::vector<batch::Stretch> &held_out) {
-  if (!held_out.empty()) return {Data{training, held_out}};
+  if (!held_out.empty()) return {Data{false, training, held_out}};
   std::vector<Data> out(2);
   for (const batch::Stretch &s : training) {
     const std::size_t n = s.t_s.size(), third = n * 3 / 10;
@@ -246,7 +258,7 @@ std::vector<const batch::Stretch *> pointers(const std::vector<batch::Stretch> &
   return out;
 }
 
-std::optional<batch::OutputErrorResult> refine(const driveid_model &model, const Part &part, const std::vector<batch::Stretch> &data, const Objective &objective, const std::vector<batch::FreeParam> &free, int iterations) {
+std::optional<batch::OutputErrorResult> refine(const driveid_model &model, const Part &part, const std::vector<batch::Stretch> &data, const Objective &objective, const std::vector<batch::FreeParam> &free, int iterations, bool free_skew = false) {
   batch::OutputErrorProblem problem;
   problem.model = model;
   problem.mode = part.mode;
@@ -255,6 +267,7 @@ std::optional<batch::OutputErrorResult> refine(const driveid_model &model, const
   problem.stretches = pointers(data, 150000);
   problem.window_s = objective.window_s;
   problem.whiten = objective.whiten;
+  problem.free_skew = free_skew && objective.whiten;
   problem.iterations = iterations;
   batch::OutputErrorResult r = batch::fit_output_error(problem);
   if (!r.ok) return std::nullopt;
@@ -350,7 +363,7 @@ std::vector<Trial> try_objectives(FitOutcome &outcome, const Part &part, const D
       outcome.cancelled = true;
       return trials;
     }
-    const auto r = refine(start, part, data.training, objective, free, 12);
+    const auto r = refine(start, part, data.training, objective, free, 12, data.free_skew);
     if (!r) continue;
     Trial t{name_of(objective), objective, r->model, judge(r->model, part, data.judged)};
     if (trials.empty() || t.score < trials.back().score + 0.5) start = t.model;
@@ -369,11 +382,12 @@ void add_scores(std::vector<Trial> &trials, const std::vector<Trial> &turn) {
   }
 }
 
-void refine_part(FitOutcome &outcome, const Part &part, const std::vector<batch::Stretch> &training, const std::vector<batch::Stretch> &held_out, const FitOptions &options) {
+void refine_part(FitOutcome &outcome, const Part &part, const std::vector<batch::Stretch> &training, const std::vector<batch::Stretch> &held_out, bool free_skew, const FitOptions &options) {
   const std::vector<batch::FreeParam> free = free_params(outcome.model, part.mode);
   if (free.empty() || training.empty()) return;
   std::vector<Trial> trials;
-  for (const Data &data : folds(training, held_out)) {
+  for (Data &data : folds(training, held_out)) {
+    data.free_skew = free_skew;
     const std::vector<Trial> turn = try_objectives(outcome, part, data, free, options);
     if (outcome.cancelled) return;
     if (trials.empty()) trials = turn;
@@ -383,7 +397,7 @@ void refine_part(FitOutcome &outcome, const Part &part, const std::vector<batch:
   if (!chosen) return;
   std::optional<driveid_model> honest;
   auto fitted = [&](const Trial &trial) -> std::optional<driveid_model> {   // with the kept-aside stretches of the training records
-    const auto r = refine(trial.model, part, training, trial.objective, free, 16);
+    const auto r = refine(trial.model, part, training, trial.objective, free, 16, free_skew);
     if (!r) return std::nullopt;
     driveid_model model = r->model;
     write_intervals(model, free, *r);
@@ -403,8 +417,15 @@ void refine_part(FitOutcome &outcome, const Part &part, const std::vector<batch:
 std::vector<batch::Stretch> all_stretches(const driveid_model &model, const std::vector<Prepared> &records, const EquationSet &set, driveid_sim_mode mode) {
   std::vector<batch::Stretch> out;
   for (const Prepared &r : records)
-    for (batch::Stretch &s : make_stretches(model, r, hold_of(set, r, mode))) out.push_back(std::move(s));
+    for (batch::Stretch &s : make_stretches(model, r, timing_of(set, r, mode))) out.push_back(std::move(s));
   return out;
+}
+
+// A skew is a nuisance of the axis where the hold was not told and no delay stands in the model (in a circuit it is nearly R).
+bool skew_unknown(const driveid_model &model, const Prepared &record, const Part &part) {
+  for (uint32_t e = 0; e < model.effects; e++)
+    if (std::strcmp(model.effect[e].name, "delay") == 0) return false;
+  return record.hold.empty() && part.mode == DRIVEID_SIM_MECHANICAL;
 }
 
 std::string unfit(const driveid_model &model, const std::vector<Part> &parts) {
@@ -425,6 +446,22 @@ void equation_stage(FitOutcome &outcome, EquationSet &set, const FitOptions &opt
 }
 
 }  // namespace
+
+void refine_values(driveid_model &model, const std::vector<Prepared> &training, const std::vector<const Equation *> &equations) {
+  if (training.empty()) return;
+  for (const Part &part : parts_of(model, training[0])) {
+    std::vector<batch::Stretch> data;
+    for (const Prepared &r : training)
+      for (batch::Stretch &s : make_stretches(model, r, timing_of(equations, r, part.mode))) data.push_back(std::move(s));
+    const std::vector<batch::FreeParam> free = free_params(model, part.mode);
+    if (data.empty() || free.empty()) continue;
+    const auto near = refine(model, part, data, {0.3, false}, free, 6);
+    const auto fitted = refine(near ? near->model : model, part, data, {2.0, true}, free, 10, skew_unknown(model, training[0], part));
+    if (!fitted) continue;
+    model = fitted->model;
+    write_intervals(model, free, *fitted);
+  }
+}
 
 FitOutcome fit_model(const driveid_model &model, const std::vector<Prepared> &training, const std::vector<Prepared> &held_out, const FitOptions &options) {
   FitOutcome outcome;
@@ -454,7 +491,7 @@ FitOutcome fit_model(const driveid_model &model, const std::vector<Prepared> &tr
   outcome.bad = unfit(outcome.model, parts);
   if (!outcome.bad.empty() || !options.refine) return outcome;
   for (const Part &part : parts) {
-    refine_part(outcome, part, all_stretches(outcome.model, training, set, part.mode), all_stretches(outcome.model, held_out, set, part.mode), options);
+    refine_part(outcome, part, all_stretches(outcome.model, training, set, part.mode), all_stretches(outcome.model, held_out, set, part.mode), skew_unknown(outcome.model, training[0], part), options);
     if (outcome.cancelled) return outcome;
   }
   return outcome;

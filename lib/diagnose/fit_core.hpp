@@ -35,11 +35,17 @@ struct FitOutcome {
 // Moves the model to the frame that the record and the given parameters allow. False: why, in reason.
 bool adopt_frame(driveid_model &model, const Prepared &record, std::string &reason);
 
-// One gap-free stretch per piece, columns under their canonical names, speed derived from the angle where only that is recorded.
-std::vector<batch::Stretch> make_stretches(const driveid_model &model, const Prepared &record, driveid_hold hold);
+// How the driving channel of a mode is read: the hold that was told, or the nearest to what the equations found, and the rest as a skew.
+struct Timing {
+  driveid_hold hold = DRIVEID_HOLD_FIRST;
+  double skew_s = 0;
+  bool told = false;
+};
+Timing timing_of(const std::vector<const Equation *> &equations, const Prepared &record, driveid_sim_mode mode);
+Timing timing_of(const EquationSet &set, const Prepared &record, driveid_sim_mode mode);
 
-// The hold that was told, or that the equations found for the driving channel of the mode.
-driveid_hold hold_of(const EquationSet &set, const Prepared &record, driveid_sim_mode mode);
+// One gap-free stretch per piece, columns under their canonical names, speed derived from the angle where only that is recorded.
+std::vector<batch::Stretch> make_stretches(const driveid_model &model, const Prepared &record, const Timing &timing);
 
 // Parts of a structure that are fitted one after another (circuit, then axis), with the signals that judge them.
 struct Part {
@@ -56,6 +62,9 @@ driveid_signal scored_signal(const driveid_model &model, const Prepared &record)
 
 // Values and intervals from one equation, into the model. Needs the whitening of the equation.
 bool fit_equation(const Equation &equation, driveid_model &model, int threads, std::vector<Notice> &notices);
+
+// Values and intervals of a model that has values already (an explanation's), by whitened output error; what cannot be refined stays as it is.
+void refine_values(driveid_model &model, const std::vector<Prepared> &training, const std::vector<const Equation *> &equations);
 
 FitOutcome fit_model(const driveid_model &model, const std::vector<Prepared> &training, const std::vector<Prepared> &held_out, const FitOptions &options);
 

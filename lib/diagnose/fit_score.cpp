@@ -48,6 +48,7 @@ std::vector<double> predict_one_step(const driveid_model &model, const batch::St
   const int state_index = position ? DRIVEID_X_ANGLE : signal == DRIVEID_SIGNAL_OMEGA_RAD_S || signal == DRIVEID_SIGNAL_V_M_S ? DRIVEID_X_SPEED
                           : signal == DRIVEID_SIGNAL_I_D_A ? DRIVEID_X_CURRENT_D : signal == DRIVEID_SIGNAL_Y ? 0 : DRIVEID_X_CURRENT;
   if (driveid_sim_init(&sim, &model, &view, mode, nullptr, 0)) return best;
+  sim.delay_s += stretch.skew_s;
   for (double gain : {0.1, 0.25, 0.5, 0.9}) {
     driveid_sim_state state;
     driveid_sim_start(&sim, 0, &state);

@@ -63,7 +63,7 @@ void predictions(const driveid_model &model, const driveid_record &raw, const Pr
   if (signal == DRIVEID_SIGNAL_COUNT) return;
   const driveid_sim_mode mode = whole_mode(model, record);
   Sampled free, step;
-  for (const batch::Stretch &s : make_stretches(model, record, hold_of(set, record, mode))) {
+  for (const batch::Stretch &s : make_stretches(model, record, timing_of(set, record, mode))) {
     const std::vector<double> f = predict_windows(model, s, mode, signal, 0), o = predict_one_step(model, s, mode, signal);
     free.t.insert(free.t.end(), s.t_s.begin(), s.t_s.end());
     step.t.insert(step.t.end(), s.t_s.begin(), s.t_s.end());

@@ -161,7 +161,7 @@ std::vector<TrueParameter> effect_parameters(const std::string &name, const Driv
     if (name == "constant_load") torque("tau_0", h.load);
     if (name == "gravity_unbalance") { torque("tau_g", h.unbalance); plain("theta_0", h.unbalance_phase); }
     if (name == "cogging" && !h.cogging.empty()) { torque("A", h.cogging[0].amplitude); plain("N", h.cogging[0].order); plain("phi", h.cogging[0].phase); }
-    if (name == "torque_ripple" && !h.ripple.empty()) { plain("a", h.ripple[0].amplitude); plain("N", h.ripple[0].order); plain("phi", h.ripple[0].phase); }
+    if (name == "torque_ripple" && !h.ripple.empty()) { plain("a", h.ripple[0].amplitude); plain("N", h.ripple[0].order); plain("phi", std::remainder(h.ripple[0].phase + M_PI, 2 * M_PI)); }  // stated as a loss
     if (name == "eccentric_friction") { torque("tau_c", d.coulomb + h.tau_c); plain("e", h.eccentric); plain("n", h.eccentric_order); plain("phi", h.eccentric_phase); }
     if (name == "backlash") { plain("gap", h.gap); torque("J_l", J_l); torque("k", h.spring); torque("d", h.spring_damper); }
     if (name == "compliance") { torque("J_l", J_l); torque("k", h.spring); torque("d", h.spring_damper); }

@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "diagnose/explain_refine.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+
+#include "diagnose/fit_core.hpp"
+
+namespace driveid::diagnose {
+namespace {
+
+constexpr double kStrayed = 4;   // a value this many times away is another minimum, not a better value
+
+bool strayed(double before, double after) { return !std::isfinite(after) || (before != 0 && (std::fabs(after) > kStrayed * std::fabs(before) || std::fabs(after) < std::fabs(before) / kStrayed)); }
+
+// Two estimators of one truth: the interval is the wider of theirs (a simulation that hangs on a threshold looks far too sure of itself); where they
+// contradict each other the model is imperfect, and it reaches over both.
+void reconcile(driveid_param &refined, const driveid_param &found, bool phase) {
+  const double turn = 6.283185307179586, away = phase ? std::fabs(std::remainder(refined.value - found.value, turn)) : std::fabs(refined.value - found.value);
+  const double own = 0.5 * (refined.hi - refined.lo), other = 0.5 * (found.hi - found.lo);
+  const double half = away > own + other ? away + other : std::max(own, other);
+  refined.lo = refined.value - half;
+  refined.hi = refined.value + half;
+}
+
+const driveid_effect_use *use_of(const driveid_model &model, const char *name, int which) {
+  for (uint32_t e = 0; e < model.effects; e++)
+    if (!std::strcmp(model.effect[e].name, name) && which-- == 0) return &model.effect[e];
+  return nullptr;
+}
+
+// The first member of an effect keeps its names, further ones carry _2, _3 (cogging of several orders).
+void copy_values(Ranked &ranked, const driveid_model &model) {
+  for (Value &value : ranked.parameters)
+    for (int which = 0; which < 4; which++) {
+      const driveid_effect_use *use = use_of(model, ranked.effect.c_str(), which);
+      for (uint32_t k = 0; use && k < use->params; k++) {
+        const driveid_param &p = use->param[k];
+        if (value.name != (which ? std::string(p.name) + "_" + std::to_string(which + 1) : std::string(p.name))) continue;
+        value.value = p.value;
+        value.lo = p.lo;
+        value.hi = p.hi;
+      }
+    }
+}
+
+}  // namespace
+
+void refine_ranked(Explanation &x) {
+  std::vector<const Equation *> equations;
+  for (const Analysis &a : x.analysis) equations.push_back(&a.search->equation());
+  driveid_model refined = x.grown;
+  refine_values(refined, x.training, equations);
+  for (uint32_t e = x.model.effects; e < refined.effects; e++)
+    for (uint32_t k = 0; k < refined.effect[e].params; k++) {
+      driveid_param &p = refined.effect[e].param[k];
+      const bool phase = !std::strncmp(p.name, "phi", 3) || !std::strncmp(p.name, "theta_0", 7);
+      if (!phase && strayed(x.grown.effect[e].param[k].value, p.value)) return;
+      reconcile(p, x.grown.effect[e].param[k], phase);
+    }
+  x.grown = refined;
+  for (Ranked &r : x.ranked)
+    if (r.accepted) copy_values(r, refined);
+}
+
+}  // namespace driveid::diagnose
