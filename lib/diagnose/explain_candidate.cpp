@@ -185,8 +185,9 @@ bool lawful(const Equation &e, const Candidate &c, const std::vector<double> &sh
   if (!c.info) return true;
   for (Eigen::Index k = 0; k < linear.size(); ++k)
     if (!std::isfinite(linear[k])) return false;
+  if (is(c, "dead_zone") && shape[0] < 3 * e.input_noise) return false;   // it would only swallow the input's noise
   if (is(c, "compliance") && shape[1] > 0.2) return false;   // what does not ring is a filter, not a spring
-  if (is(c, "compliance") || is(c, "backlash")) return linear[0] > 0 && linear[0] < 0.995 * inertia;
+  if (is(c, "compliance") || is(c, "backlash")) return linear[0] > 0.01 * inertia && linear[0] < 0.995 * inertia;   // less is no second mass
   if (is(c, "encoder_eccentricity")) return std::hypot(linear[0], linear[1]) < 0.5;
   if (is(c, "stribeck") && linear[1] <= 0) return false;
   if (is(c, "torque_saturation") && linear[0] <= 0) return false;

@@ -117,6 +117,22 @@ void simplify_asymmetry(Search &search, std::vector<Member> &chosen) {
 
 }  // namespace
 
+// Is less left where the drive stands clear of its noise? A family made of the drive can take that noise back where the axis rests,
+// and explains nothing by it.
+bool less_under_drive(const Equation &e, const Eigen::MatrixXd &z, const Eigen::VectorXd &y, const BlockGram &gram, const std::vector<int> &now, const std::vector<double> &ridge_now,
+                      const std::vector<int> &with, const std::vector<double> &ridge_with) {
+  const auto left = [&](const std::vector<int> &columns, const std::vector<double> &ridge) {
+    const Eigen::VectorXd p = gram.solve(columns, ridge, false);
+    Eigen::VectorXd r = y;
+    for (std::size_t k = 0; k < columns.size(); ++k) r -= p[Eigen::Index(k)] * z.col(columns[k]);
+    double sum = 0;
+    for (Eigen::Index k = 0; k < r.size(); ++k)
+      if (std::fabs(e.drive[k]) > 5 * e.gain * e.input_noise) sum += r[k] * r[k];
+    return sum;
+  };
+  return left(with, ridge_with) < 0.95 * left(now, ridge_now);
+}
+
 Remainder beyond(const Search &search, const std::vector<Family> &families, const std::vector<Member> &members) {
   const Equation &e = search.equation();
   Remainder out;
@@ -141,7 +157,9 @@ Remainder beyond(const Search &search, const std::vector<Family> &families, cons
   all.leftCols(fixed) = x;
   for (std::size_t f = 0; f < families.size(); ++f)
     if (families[f].column.cols()) all.middleCols(columns[f].front(), families[f].column.cols()) = families[f].column;
-  BlockGram gram(e, whiten(e, all), whiten(e, y));
+  const Eigen::MatrixXd z = whiten(e, all);
+  const Eigen::VectorXd target = whiten(e, y);
+  BlockGram gram(e, z, target);
   std::vector<int> now;
   std::vector<double> ridge;
   for (int k = 0; k < fixed; ++k) now.push_back(k), ridge.push_back(0);
@@ -161,7 +179,8 @@ Remainder beyond(const Search &search, const std::vector<Family> &families, cons
         BlockGram::Score s = gram.cross_validate(c, rr);
         double worth = 0.5 * n * std::log(current.total / std::max(s.total, 1e-300)) - 2;
         const std::string &name = families[f].name;   // made of the target itself: its noise is in them too
-        if ((name == "drive" || name == "inertia_drive" || name == "drive_speed" || name == "drive_position") && s.total > 0.95 * current.total) continue;
+        const bool made_of_drive = name == "drive" || name == "drive_speed" || name == "drive_position";
+        if (made_of_drive && (s.total > 0.95 * current.total || !less_under_drive(e, z, target, gram, now, ridge, c, rr))) continue;
         if (worth > best_worth) best_worth = worth, best = int(f), best_score = s, best_ridge = r;
       }
     }

@@ -2,6 +2,7 @@
 // General regressors that name no physics: what any model could take out of an equation's error.
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "diagnose/floor.hpp"
 
@@ -51,10 +52,12 @@ Eigen::VectorXd one_column(const Equation &e, const Value &value) {
   }, 0);
 }
 
-Eigen::MatrixXd product_columns(const Equation &e, const Value &factor, const Value &coordinate, const std::vector<double> &k) {
-  Eigen::MatrixXd m(Eigen::Index(e.rows), Eigen::Index(k.size()));
+// factor times a hat over the coordinate at each knot, or only at those of `kept`.
+Eigen::MatrixXd product_columns(const Equation &e, const Value &factor, const Value &coordinate, const std::vector<double> &k, const std::optional<std::vector<double>> &kept = {}) {
+  Eigen::MatrixXd m(Eigen::Index(e.rows), Eigen::Index(kept ? kept->size() : k.size()));
+  Eigen::Index at = 0;
   for (std::size_t j = 0; j < k.size(); ++j)
-    m.col(Eigen::Index(j)) = one_column(e, [&](const driveid_effect_state &s) { double h = hat(k, j, coordinate(s)); return h == 0 ? 0.0 : h * factor(s); });
+    if (!kept || std::find(kept->begin(), kept->end(), k[j]) != kept->end()) m.col(at++) = one_column(e, [&](const driveid_effect_state &s) { double h = hat(k, j, coordinate(s)); return h == 0 ? 0.0 : h * factor(s); });
   return m;
 }
 
@@ -162,8 +165,11 @@ void mechanical_families(const Equation &e, std::vector<Family> &out) {
       beside(one_column(e, one), beside(product_columns(e, one, speed, kw), product_columns(e, direction, [](const driveid_effect_state &s) { return std::fabs(s.speed); }, kabs))));
   add("position", {x}, {"gravity_unbalance", "cogging", "constant_load"}, product_columns(e, one, position, kx));
   if (rotary) add("turn", {x}, {"gravity_unbalance", "cogging"}, harmonics(e, one, 1, 8));
-  add("drive", {i}, {"torque_saturation", "dead_zone"}, no_drive(e, product_columns(e, drive, drive, ki)));
-  add("inertia_drive", {"acceleration", i}, {"torque_saturation"}, accel_columns(e, [](const driveid_effect_state &s) { return std::fabs(s.drive); }, knots(e, [](const driveid_effect_state &s) { return std::fabs(s.drive); }, 6, 5 * spread_of_rest(e) / std::max(1e-300, e.gain))));
+  // A gain of its own within the drive's noise would only take that noise back where the axis rests.
+  std::vector<double> beyond_noise;
+  for (double k : ki)
+    if (std::fabs(k) > 5 * e.gain * e.input_noise) beyond_noise.push_back(k);
+  add("drive", {i}, {"torque_saturation", "dead_zone"}, no_drive(e, product_columns(e, drive, drive, ki, beyond_noise)));
   add("direction_position", {"direction", x}, {"eccentric_friction"}, beside(product_columns(e, direction, position, kx8), rotary ? harmonics(e, direction, 1, 4) : Eigen::MatrixXd(Eigen::Index(e.rows), 0)));
   add("damping_position", {w, x}, {}, product_columns(e, speed, position, kx8));
   add("inertia_position", {"acceleration", x}, {}, beside(accel_columns(e, position, kx8), rotary ? accel_columns(e, position, {}, 1, 4) : Eigen::MatrixXd(Eigen::Index(e.rows), 0)));
