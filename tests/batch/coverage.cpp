@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Do the 95 % intervals of fit cover? A few runs a cell in the ordinary command, which a coverage below 80 % fails; DRIVEID_FULL=1 (ten minutes) makes
-// the table of docs/fit-intervals.md.
+// a table to read.
 #include <cstdlib>
 #include <cstring>
 
