@@ -6,29 +6,9 @@
 
 #include <gtest/gtest.h>
 
-#include <nlohmann/json.hpp>
-
-#include "records.hpp"
-
-using nlohmann::json;
+#include "fitted.hpp"
 
 namespace {
-
-const char *const kModel =
-    "format = 1\nstructure = \"rigid_axis\"\n[parameters.K_t_Nm_A]\nvalue = 0.05\nstate = \"given\"\n[[effect]]\nname = \"coulomb\"\n[[effect]]\nname = \"constant_load\"\n";
-
-json fit(const std::string &model, std::vector<records::Record> &training, driveid_status expected = DRIVEID_OK, std::string *said = nullptr) {
-  std::vector<driveid_record> raw;
-  for (auto &r : training) raw.push_back(r.get());
-  driveid_task task = {model.c_str(), raw.data(), raw.size(), nullptr, 0, nullptr, nullptr, nullptr};
-  char *text = nullptr, message[600] = "";
-  const driveid_status s = driveid_fit(&task, &text, message, sizeof message);
-  EXPECT_EQ(s, expected) << message;
-  if (said) *said = message;
-  const json document = text ? json::parse(text) : json();
-  driveid_text_free(text);
-  return document;
-}
 
 struct Tally { int inside = 0, all = 0; double width = 0; };
 
