@@ -53,7 +53,7 @@ Options options_of(const char *json);
 Explanation explain(const driveid_model &model, const driveid_task &task, const Options &options);
 nlohmann::ordered_json explanation_json(const Explanation &explanation, const driveid_task &task, const Options &options);
 nlohmann::ordered_json next_record(const Explanation &explanation);
-nlohmann::ordered_json head_json(const driveid_model &model, const Explanation &explanation);
+nlohmann::ordered_json head_json(const driveid_task &task, const Explanation &explanation);
 nlohmann::ordered_json notices_json(const std::vector<Notice> &notices);
 nlohmann::ordered_json parameters_json(const std::vector<Value> &parameters);
 

@@ -21,14 +21,14 @@ ordered_json parameters_json(const std::vector<Value> &parameters) {
   return out;
 }
 
-ordered_json head_json(const driveid_model &model, const Explanation &x) {
+ordered_json head_json(const driveid_task &task, const Explanation &x) {
   ordered_json records = ordered_json::array();
   for (auto *list : {&x.training, &x.held_out})
     for (const Prepared &p : *list) {
-      ordered_json r = {{"name", p.name}, {"rows", p.rows}, {"span_s", p.span_s}, {"hash", p.hash.empty() ? ordered_json(nullptr) : ordered_json(p.hash)}, {"held_out", list == &x.held_out}};
+      ordered_json r = {{"name", p.name}, {"rows", p.rows}, {"span_s", p.span_s}, {"hash", p.hash.empty() ? ordered_json(nullptr) : ordered_json(p.hash)}, {"role", list == &x.held_out ? "held_out" : "training"}, {"held_out", list == &x.held_out}};
       records.push_back(r);
     }
-  return {{"format", 1}, {"driveid", DRIVEID_VERSION}, {"model", {{"structure", driveid_structure_name(model.structure)}}}, {"records", records}};
+  return {{"format", DRIVEID_FORMAT}, {"driveid", DRIVEID_VERSION}, {"model", task.model_toml}, {"records", records}};
 }
 
 namespace {
@@ -104,7 +104,7 @@ ordered_json where_json(const Explanation &x) {
 }  // namespace
 
 ordered_json explanation_json(const Explanation &x, const driveid_task &task, const Options &options) {
-  ordered_json j = head_json(x.model, x);
+  ordered_json j = head_json(task, x);
   j["verdict"] = x.verdict;
   if (x.verdict == "bad_data") {
     j["message"] = x.message;

@@ -78,7 +78,7 @@ void copy_values(driveid_model &to, const driveid_model &from) {
 }  // namespace
 
 ordered_json improve(const driveid_model &model, const driveid_task &task, const Options &options, const Explanation &x) {
-  ordered_json j = head_json(model, x);
+  ordered_json j = head_json(task, x);
   ordered_json steps = ordered_json::array();
   const char *ends = "nothing_missing";
   bool any = false, tie = false;

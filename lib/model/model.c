@@ -2,6 +2,7 @@
 /* A model as data: parameters of the structure and of its effects, their names in the model's frame. */
 #include "model/structure.h"
 
+#include <ctype.h>
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -236,8 +237,26 @@ static int applies(const driveid_model *model, const driveid_effect_info *effect
     return 1;
 }
 
+/* "tau_Nm = c * omega_rad_s": the left side says what the effect adds to. The rest of the formula; the side in left. */
+static const char *left_side(const char *formula, char *left, size_t size) {
+    const char *equals = strchr(formula, '='), *from = formula, *to = equals;
+    if (!equals) return formula;
+    while (from < to && isspace((unsigned char)*from)) from++;
+    while (to > from && isspace((unsigned char)to[-1])) to--;
+    snprintf(left, size, "%.*s", (int)(to - from), from);
+    for (equals++; isspace((unsigned char)*equals);) equals++;
+    return equals;
+}
+
 static driveid_status add_own(driveid_effect_use *use, const char *formula, const char *adds_to, char *reason, size_t reason_size) {
     driveid_formula parsed;
+    char left[sizeof use->adds_to] = "";
+    formula = left_side(formula, left, sizeof left);
+    if (left[0] && adds_to && strcmp(left, adds_to)) {
+        complain(reason, reason_size, "formula of \"%s\" adds to one signal and adds_to names another%s", use->name, "");
+        return DRIVEID_ERR_ARGUMENT;
+    }
+    if (left[0]) adds_to = left;
     const driveid_status s = driveid_formula_parse(formula, &parsed, reason, reason_size);
     if (s) return s;
     if (strlen(formula) >= sizeof use->formula) {
@@ -245,7 +264,7 @@ static driveid_status add_own(driveid_effect_use *use, const char *formula, cons
         return DRIVEID_ERR_CAPACITY;
     }
     if (!adds_to || (strcmp(adds_to, "tau_Nm") && strcmp(adds_to, "F_N") && strcmp(adds_to, "v_V") && strcmp(adds_to, "i_A"))) {
-        complain(reason, reason_size, "adds_to of \"%s\" must be tau_Nm, F_N, i_A (mechanical equation) or v_V (electrical)%s", use->name, "");
+        complain(reason, reason_size, "adds_to of \"%s\" must be tau_Nm, F_N, i_A (mechanical equation) or v_V (electrical): write formula = \"tau_Nm = ...\"%s", use->name, "");
         return DRIVEID_ERR_ARGUMENT;
     }
     snprintf(use->formula, sizeof use->formula, "%s", formula);

@@ -50,6 +50,13 @@ TEST(ModelFile, reads_the_documented_example) {
   EXPECT_STREQ(m.effect[1].param[0].name, "c");
 }
 
+TEST(ModelFile, a_formula_names_its_equation_on_its_left_side) {
+  const driveid_model m = read(kHead + "[[effect]]\nname = \"mine\"\nformula = \" tau_Nm  = c * omega_rad_s\"\n");
+  EXPECT_STREQ(m.effect[0].adds_to, "tau_Nm");
+  EXPECT_STREQ(m.effect[0].formula, "c * omega_rad_s");
+  EXPECT_STREQ(m.effect[0].param[0].name, "c");
+}
+
 TEST(ModelFile, names_tell_the_frame) {
   const driveid_model m = read("format = 1\nstructure = \"rigid_axis\"\n[parameters.J_As2_rad]\nvalue = 1\n[[effect]]\nname = \"coulomb\"\nparameters.tau_c_A = { value = 0.2 }\n");
   EXPECT_EQ(driveid_model_frame(&m), DRIVEID_FRAME_AMPERE);
@@ -70,6 +77,8 @@ TEST(ModelFile, complaints_name_line_key_and_mend) {
   EXPECT_NE(refused(kHead + "[parameters.J_kgm2]\nstate = \"free\"").find("has no value"), std::string::npos);
   EXPECT_NE(refused(kHead + "[[effect]]\nname = \"colomb\"").find("driveid catalogue"), std::string::npos);
   EXPECT_NE(refused(kHead + "[[effect]]\nname = \"mine\"\nformula = \"c*\"\nadds_to = \"tau_Nm\"").find("column 3"), std::string::npos);
+  EXPECT_NE(refused(kHead + "[[effect]]\nname = \"mine\"\nformula = \"c\"").find("write formula = \"tau_Nm"), std::string::npos);
+  EXPECT_NE(refused(kHead + "[[effect]]\nname = \"mine\"\nformula = \"v_V = c\"\nadds_to = \"tau_Nm\"").find("names another"), std::string::npos);
   EXPECT_NE(refused(kHead + "[[effect]]\nname = \"mine\"\nformula = \"c\"\nadds_to = \"torque\"").find("adds_to"), std::string::npos);
   EXPECT_NE(refused(kHead + "[[effect]]\nname = \"coulomb\"\nparameters.tau = { value = 1 }").find("known are tau_c_Nm"), std::string::npos);
   EXPECT_NE(refused(kHead + "[[effect]]\nname = \"coulomb\"\n[[effect]]\nname = \"coulomb\"").find("already"), std::string::npos);

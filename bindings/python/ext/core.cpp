@@ -23,4 +23,5 @@ NB_MODULE(_core, m) {
     bind_online(m);
     bind_lti(m);
     bind_modal(m);
+    bind_sinusoids(m);
 }

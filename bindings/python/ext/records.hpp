@@ -87,5 +87,6 @@ void bind_diagnose(nb::module_ &m);
 void bind_online(nb::module_ &m);
 void bind_lti(nb::module_ &m);
 void bind_modal(nb::module_ &m);
+void bind_sinusoids(nb::module_ &m);
 
 }  // namespace driveid_ext

@@ -77,9 +77,10 @@ class Model:
             raise UsageError(message or _core.status_text(status))
         return Model(toml, self.name)
 
-    def add_own(self, name: str, formula: str, adds_to: str) -> Model:
-        """The same model with an effect of your own: Model.add_own("my_drag", "c * omega_rad_s * abs(omega_rad_s)", "tau_Nm")."""
-        keys = "".join(f"{key} = {json.dumps(value)}\n" for key, value in (("name", name), ("formula", formula), ("adds_to", adds_to)))
+    def add_own(self, name: str, formula: str, adds_to: str | None = None) -> Model:
+        """The same model with an effect of your own: Model.add_own("my_drag", "tau_Nm = c * omega_rad_s * abs(omega_rad_s)")."""
+        given = {"name": name, "formula": formula, "adds_to": adds_to}
+        keys = "".join(f"{key} = {json.dumps(value)}\n" for key, value in given.items() if value is not None)
         try:
             return Model(f"{self.toml.rstrip()}\n\n[[effect]]\n{keys}", self.name)
         except FileError as e:

@@ -9,7 +9,7 @@ import click
 
 from .. import __version__
 from ..errors import Cancelled, DriveidError
-from . import analyse, gateway, models, settings, workbench
+from . import analyse, gateway, models, settings, sinusoids, workbench
 
 EXIT_USAGE, EXIT_INTERRUPTED = 2, 130
 
@@ -28,7 +28,7 @@ def cli() -> None:
     """
 
 
-for part in (models, analyse, gateway, settings, workbench):
+for part in (models, analyse, sinusoids, gateway, settings, workbench):
     for command in part.COMMANDS:
         cli.add_command(command)
 

@@ -68,14 +68,29 @@ def parameter_table(groups) -> Table:
 
 @click.command()
 @click.argument("file", metavar="MODEL")
-@click.argument("effect")
+@click.argument("effect", required=False)
+@click.option("--formula", metavar="'SIGNAL = FORMULA'", help="An effect of your own, called EFFECT: --formula 'tau_Nm = c * omega_rad_s * cos(3*theta_rad)'. Names that are no signal are its parameters.")
 @click.option("-o", "--output", metavar="FILE", default="-", show_default=True, help="Model file to write; - is standard output.")
 @invoke_guard
-def add(file: str, effect: str, output: str) -> None:
+def add(file: str, effect: str | None, formula: str | None, output: str) -> None:
     """Add EFFECT to MODEL; then fit and compare again."""
-    write_model(output, Model.load(file).add(effect).toml)
+    before = Model.load(file)
+    if formula is None and effect is None:
+        raise UsageError(f"which effect? driveid add {file} EFFECT, or --formula for one of your own; `driveid catalogue` lists them")
+    if formula is None:
+        after = before.add(effect)
+    else:
+        effect = effect or _free_name(before)
+        after = before.add_own(effect, formula)
+    write_model(output, after.toml)
     if output != "-":
         say(f"wrote {output}: {effect} added, its parameters are found by the next fit")
+
+
+def _free_name(model: Model) -> str:
+    """own, own_2, ...: the first that the model has not."""
+    taken = {e.name for e in model.effects}
+    return next(name for k in range(1, 100) if (name := "own" if k == 1 else f"own_{k}") not in taken)
 
 
 @click.command()
