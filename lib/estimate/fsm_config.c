@@ -10,9 +10,9 @@ static driveid_status refuse(char *reason, size_t size, const char *text) {
     return DRIVEID_ERR_CONFIG;
 }
 
-uint32_t fsm_block_size(unsigned columns) {
-    return (1 + FSM_LAGS) * columns + (1 + FSM_LAGS) * columns * columns;
-}
+uint32_t fsm_equation_size(const fsm_equation *q) { return FSM_LANES * FSM_PAIRS(q->columns) + FSM_LAGS * FSM_PAIRS(q->params + 1u); }
+
+uint32_t fsm_stage_size(const fsm_equation *q) { return q->columns * (1 + 2 * FSM_LAGS) + FSM_LAGS * FSM_PAIRS(q->columns); }
 
 static const char *fault_in(const driveid_regression *r) {
     if (r->equations < 1 || r->equations > DRIVEID_EQUATIONS_MAX) return "regression: equations must be 1..DRIVEID_EQUATIONS_MAX";
@@ -96,10 +96,10 @@ driveid_status fsm_configure_common(driveid_svf_common *common, const driveid_re
     memset(common->chosen, -1, sizeof common->chosen);
     common->status = DRIVEID_NOT_YET;
     for (unsigned e = 0; e < regression->equations; e++) driveid_monitor_init(&common->monitor[e], o->alarm);
-    uint32_t one = 0;
-    for (unsigned e = 0; e < regression->equations; e++) one += fsm_block_size(common->equation[e].columns);
+    uint32_t one = 0, fixed = 0;
+    for (unsigned e = 0; e < regression->equations; e++) one += fsm_stage_size(&common->equation[e]), fixed += fsm_equation_size(&common->equation[e]);
     common->stages = FSM_STAGES;
-    while (common->stages > 1 && one * common->stages > FSM_POOL) common->stages--;
-    if (one * common->stages > FSM_POOL) return refuse(reason, reason_size, "regression: too many terms for the fixed memory");
+    while (common->stages > 1 && fixed + one * common->stages > FSM_POOL) common->stages--;
+    if (fixed + one * common->stages > FSM_POOL) return refuse(reason, reason_size, "regression: too many terms for the fixed memory");
     return DRIVEID_OK;
 }

@@ -5,8 +5,9 @@
 
 #include "fsm_state.h"
 
-/* Numbers that one stage of an equation with so many columns needs in the pool. */
-uint32_t fsm_block_size(unsigned columns);
+/* Numbers in the pool: an equation's sums S of all stages and its scratch for a solve; one stage's open row, history of coarse rows, lagged sums. */
+uint32_t fsm_equation_size(const fsm_equation *equation);
+uint32_t fsm_stage_size(const fsm_equation *equation);
 
 /* Checks, resolves defaults, splits the terms by equation; level[channels] says where a channel's own value counts. */
 driveid_status fsm_configure_common(driveid_svf_common *common, const driveid_regression *regression,

@@ -44,7 +44,35 @@ void fsm_pack(const fsm_equation *q, const double *full, double *packed) {
             packed[i * n + j] = full[(i < n - 1 ? i : m - 1) * m + (j < n - 1 ? j : m - 1)];
 }
 
-/* a' g a with a = (-theta, 1) */
+/* With z the initial conditions' columns, c = solved: x_r - c_r z beside x_s - c_s z, symmetric in r and s. */
+void fsm_eliminate_lagged(const fsm_equation *q, const double *solved, const double *g, double *out) {
+    enum { CHUNK = 4 };
+    const int n = q->params + 1, m = q->columns;
+    for (int lag = 0; lag < FSM_LAGS; lag += CHUNK) {
+        double half[DRIVEID_ORDER_MAX][FSM_PACKED][CHUNK]; /* z_i beside x_r - c_r z / 2 */
+        for (int i = 0; i < q->order; i++)
+            for (int r = 0; r < n; r++) {
+                const double *zx = g + FSM_LAGS * (FSM_PAIRS(n + i) + r) + lag, *c = solved + (r < n - 1 ? r : m - 1);
+                for (int l = 0; l < CHUNK; l++) half[i][r][l] = zx[l];
+                for (int j = 0; j < q->order; j++) {
+                    const double *zz = g + FSM_LAGS * (i > j ? FSM_PAIRS(n + i) + n + j : FSM_PAIRS(n + j) + n + i) + lag;
+                    for (int l = 0; l < CHUNK; l++) half[i][r][l] -= 0.5 * c[j * m] * zz[l];
+                }
+            }
+        for (int r = 0; r < n; r++)
+            for (int s = 0; s <= r; s++) {
+                const double *from = g + FSM_LAGS * (FSM_PAIRS(r) + s) + lag;
+                double *to = out + FSM_LAGS * (FSM_PAIRS(r) + s) + lag;
+                for (int l = 0; l < CHUNK; l++) to[l] = from[l];
+                for (int i = 0; i < q->order; i++) {
+                    const double cr = solved[i * m + (r < n - 1 ? r : m - 1)], cs = solved[i * m + (s < n - 1 ? s : m - 1)];
+                    for (int l = 0; l < CHUNK; l++) to[l] -= cs * half[i][r][l] + cr * half[i][s][l];
+                }
+            }
+    }
+}
+
+/* a' s a with a = (-theta, 1) */
 static double quadratic(const fsm_equation *q, const double *g, const double *theta) {
     const int n = q->params + 1;
     double sum = 0;
@@ -54,6 +82,19 @@ static double quadratic(const fsm_equation *q, const double *g, const double *th
             sum += left * right * g[i * n + j];
         }
     return sum;
+}
+
+/* The residual's lagged sums at theta, of each lag. */
+static void residual_lags(const fsm_equation *q, const fsm_sums *sums, const double *theta, double *r) {
+    const int n = q->params + 1;
+    const double *g = sums->g;
+    for (int lag = 0; lag < FSM_LAGS; lag++) r[lag] = 0;
+    for (int i = 0; i < n; i++)
+        for (int j = 0; j <= i; j++, g += FSM_LAGS) {
+            const double left = i < n - 1 ? -theta[q->param[i]] : 1, right = j < n - 1 ? -theta[q->param[j]] : 1;
+            const double factor = (i == j ? 0.5 : 1) * left * right / sums->weight2;
+            for (int lag = 0; lag < FSM_LAGS; lag++) r[lag] += factor * g[lag];
+        }
 }
 
 /* Column that stands for column i as instrument. The highest derivative is the equation's output: it carries most of the encoder's noise and
@@ -144,7 +185,7 @@ static double add_score(const driveid_svf_common *common, const fsm_sums *sums, 
     const int p = common->regression.params, n = q->params + 1;
     const double coarse = sums->coarse, rows = sums->rows;
     double r[FSM_LAGS];
-    for (int lag = 0; lag < FSM_LAGS; lag++) r[lag] = quadratic(q, sums->g[lag], theta) / sums->weight2;
+    residual_lags(q, sums, theta, r);
     const int lags = lags_needed(r, rows);
     double tail = 0;
     for (int lag = FSM_LAGS / 4; lag < FSM_LAGS; lag++) tail += r[lag] / (FSM_LAGS - FSM_LAGS / 4);
@@ -152,16 +193,18 @@ static double add_score(const driveid_svf_common *common, const fsm_sums *sums, 
     const double band = fmin(rows, 3.7 * rows / lags), freedom = fmax(1, band - q->params - q->order);
     const double scale = band / freedom / (coarse * coarse * variance * variance);
     const double replaced = q->output >= 0 && sums->s[n * n - 1] > 0 ? sqrt(sums->s[q->output * n + q->output] / sums->s[n * n - 1]) : 1;
-    for (int lag = 0; lag < lags; lag++) {
-        const double share = parzen((double)lag / lags) * r[lag] * scale;
-        for (int i = 0; i < n - 1; i++)
-            for (int j = 0; j < n - 1; j++) {
-                const int a = instruments ? instrument(q, sums->s, i) : i, b = instruments ? instrument(q, sums->s, j) : j;
-                const double size = (a == i ? 1 : replaced) * (b == j ? 1 : replaced);
-                const double g = lag ? sums->g[lag][a * n + b] + sums->g[lag][b * n + a] : sums->g[0][a * n + b];
-                score[q->param[i] * p + q->param[j]] += share * size * g;
-            }
-    }
+    double share[FSM_LAGS] = {0};
+    for (int lag = 0; lag < lags; lag++) share[lag] = (lag ? 1 : 0.5) * parzen((double)lag / lags) * r[lag] * scale;
+    for (int i = 0; i < n - 1; i++)
+        for (int j = 0; j <= i; j++) {
+            const int a = instruments ? instrument(q, sums->s, i) : i, b = instruments ? instrument(q, sums->s, j) : j;
+            const double *g = sums->g + FSM_LAGS * (a > b ? FSM_PAIRS(a) + b : FSM_PAIRS(b) + a);
+            double sum = 0;
+            for (int lag = 0; lag < FSM_LAGS; lag++) sum += share[lag] * g[lag];
+            sum *= (a == i ? 1 : replaced) * (b == j ? 1 : replaced);
+            score[q->param[i] * p + q->param[j]] += sum;
+            if (i != j) score[q->param[j] * p + q->param[i]] += sum;
+        }
     return freedom;
 }
 
@@ -220,13 +263,18 @@ static int noise_rises(const driveid_svf_common *common, int e, double pole_rad_
     return 0;
 }
 
+int fsm_enough(const driveid_svf_common *common, int e, const fsm_sums *sums) {
+    const fsm_equation *q = &common->equation[e];
+    return sums->rows >= q->params + q->order + (sums->pole_rad_s > 0 ? ROWS_LATER : ROWS_FIRST);
+}
+
 double fsm_score(const driveid_svf_common *common, int e, const fsm_sums *sums, double small, const double *theta) {
     const fsm_equation *q = &common->equation[e];
     const int p = common->regression.params, n = q->params + 1;
     double own[DRIVEID_THETA_MAX], a[DRIVEID_THETA_MAX * DRIVEID_THETA_MAX] = {0}, inverse[DRIVEID_THETA_MAX * DRIVEID_THETA_MAX];
     double pivot[DRIVEID_THETA_MAX], score[DRIVEID_THETA_MAX * DRIVEID_THETA_MAX] = {0}, cov = 0;
     int settled;
-    if (sums->rows < q->params + q->order + (sums->pole_rad_s > 0 ? ROWS_LATER : ROWS_FIRST)) return INFINITY;
+    if (!fsm_enough(common, e, sums)) return INFINITY;
     for (int i = 0; i < n - 1; i++)
         for (int j = 0; j < n - 1; j++) a[i * (n - 1) + j] = sums->s[i * n + j];
     driveid_solve_inverse(a, n - 1, small, inverse, pivot);

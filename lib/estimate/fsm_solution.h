@@ -13,7 +13,7 @@ typedef struct fsm_sums {
     double weight, weight2, rows, pole_rad_s;   /* pole_rad_s: of the stage's prefilter, 0: none */
     unsigned coarse;
     double s[FSM_PACKED * FSM_PACKED];
-    double g[FSM_LAGS][FSM_PACKED * FSM_PACKED];
+    const double *g;   /* [FSM_PAIRS(params + 1)][FSM_LAGS]: sums of x_i(t) x_j(t-lag) + x_j(t) x_i(t-lag), j <= i, of coarse rows */
 } fsm_sums;
 
 typedef struct fsm_solution {
@@ -28,6 +28,11 @@ typedef struct fsm_solution {
 void fsm_solve_initial(const fsm_equation *equation, const double *s, double small, double *solved);
 void fsm_eliminate_initial(const fsm_equation *equation, const double *solved, double *sums);
 void fsm_pack(const fsm_equation *equation, const double *full, double *packed);
+/* The same for lagged sums, whose columns are params, y, initial conditions; out may be g. */
+void fsm_eliminate_lagged(const fsm_equation *equation, const double *solved, const double *g, double *out);
+
+/* Coarse rows enough to judge a stage by. */
+int fsm_enough(const driveid_svf_common *common, int equation, const fsm_sums *sums);
 
 /* Size of the interval that this stage would give to its equation's parameters, logarithm; INFINITY where the stage cannot be judged:
  * too few rows, or a residual that stays correlated beyond the lags. theta: the current answer, NULL where there is none. */

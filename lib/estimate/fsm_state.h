@@ -7,7 +7,9 @@
  * unknown initial conditions c [EQ FSM-3]. Any further causal filter of the rows keeps it exact, so a few prefilters
  * (stages, from the bank's bandwidth downwards) run side by side, and the answer comes from the one whose interval is
  * smallest: that is the one that fits the noise. Besides the sums S of products of the columns, lagged sums are kept: from them
- * follow, at any theta, the residual's autocorrelation and the long-run covariance of the score, hence honest intervals. */
+ * follow, at any theta, the residual's autocorrelation and the long-run covariance of the score, hence honest intervals.
+ * Sums lie so that the innermost loop has a constant length: S by pair and stage, lagged sums by pair and lag, and the columns of initial conditions
+ * last, so that they cost nothing once the answers to them have died away. Only x_i(t) x_j(t-lag) + x_j(t) x_i(t-lag) is ever used, so only that is kept. */
 #ifndef DRIVEID_ESTIMATE_FSM_STATE_H
 #define DRIVEID_ESTIMATE_FSM_STATE_H
 
@@ -15,8 +17,10 @@
 #include <driveid/monitor.h>
 
 #include "base/bank.h"
+#include "fsm_low.h"
 
-#define FSM_STAGES 5
+#define FSM_STAGES (1 + FSM_LOW)
+#define FSM_LANES 6          /* stages in the sums, made even for the compiler's vectors */
 #define FSM_STAGE_RATIO 5.0
 #define FSM_COARSE_FIRST 1.5 /* coarse row of the first stage, of the others: times 1/bandwidth */
 #define FSM_COARSE_LATER 4.0
@@ -27,7 +31,8 @@
 #define FSM_HOLD_S 0.5       /* theta is held so long after an alarm */
 #define FSM_WATCHED 1        /* stage whose residual is watched */
 #define FSM_COLUMNS_MAX (DRIVEID_THETA_MAX + DRIVEID_ORDER_MAX + 1)
-#define FSM_POOL 20480       /* numbers; configure refuses what does not fit */
+#define FSM_POOL 16384       /* numbers; configure refuses what does not fit */
+#define FSM_PAIRS(n) ((n) * ((n) + 1) / 2) /* lower triangle: pair (i, j <= i) stands at FSM_PAIRS(i) + j */
 
 typedef struct fsm_equation {
     uint8_t params, order, columns;          /* columns = params + order + 1, the last one is y */

@@ -72,7 +72,9 @@ static void stage_rows(learner *self, const learn_method *method, unsigned k, do
         if (!method->row(self, e, k, x)) continue;
         if (k == 0) {
             *alarmed |= watch_residual(common, e, x, x[common->equation[e].params], dt_s);
-            watch_motion(common, e, x, self->sums[k][e].s, LEARN_WIDE, self->sums[k][e].weight, dt_s, least, most);
+            double square[LEARN_WIDE];
+            for (unsigned j = 0; j < LEARN_WIDE; j++) square[j] = self->sums[k][e].s[j * LEARN_WIDE + j];
+            watch_motion(common, e, x, square, self->sums[k][e].weight, dt_s, least, most);
         }
         if (common->resting) continue;
         learn_sums_row(self, e, k, x, dt_s, decay);

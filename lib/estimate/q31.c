@@ -92,12 +92,12 @@ static int watch(q31_state *self, unsigned e, const int32_t *row, double dt_s, d
     const fsm_equation *q = &self->common.equation[e];
     const q31_sums *sums = &self->sums[e];
     const int64_t *s = self->pool + sums->at;
-    double phi[DRIVEID_THETA_MAX], square[DRIVEID_THETA_MAX * DRIVEID_THETA_MAX] = {0};
+    double phi[DRIVEID_THETA_MAX], square[DRIVEID_THETA_MAX];
     for (unsigned i = 0; i < q->params; i++) {
         phi[i] = row[i] * self->scale[e][i];
-        square[i * (q->params + 1u)] = (double)s[i * (q->columns + 1u)] * 16384.0 * 65536.0 * self->scale[e][i] * self->scale[e][i];
+        square[i] = (double)s[i * (q->columns + 1u)] * 16384.0 * 65536.0 * self->scale[e][i] * self->scale[e][i];
     }
-    watch_motion(&self->common, e, phi, square, q->params, (double)sums->weight, dt_s, least, most);
+    watch_motion(&self->common, e, phi, square, (double)sums->weight, dt_s, least, most);
     if (self->fresh) return 0; /* the answers to the initial conditions are no part of the prediction */
     return watch_residual(&self->common, e, phi, row[q->columns - 1] * self->scale[e][q->columns - 1], dt_s);
 }

@@ -27,10 +27,13 @@
 #define DRIVEID_Q31_WEIGHTS 4096
 #endif
 
+#define Q31_LAGS (DRIVEID_Q31_POOL * 3 / 4) /* half of a square matrix and its diagonal: 3/4 of it at most */
+
 typedef enum q31_kind { Q31_FSM, Q31_RLS, Q31_WINDOW, Q31_DISCRETE } q31_kind;
 
 typedef struct q31_sums {        /* of one equation */
     uint32_t at;                 /* its block in the pool: S, G[lags], open coarse row, ring of coarse rows */
+    uint32_t lags_at;            /* its lagged sums, SI, for a solve */
     uint16_t count;
     uint8_t ring_next, ring_fill;
     int64_t weight, coarse_rows, weight2; /* Q16 */
@@ -55,6 +58,7 @@ typedef struct q31_state {
     uint16_t length, fill, newest;
     int32_t ring[DRIVEID_Q31_RING], weight[DRIVEID_Q31_WEIGHTS];
     q31_sums sums[DRIVEID_EQUATIONS_MAX];
+    double lags[Q31_LAGS];
     int64_t pool[DRIVEID_Q31_POOL];
 } q31_state;
 
@@ -76,6 +80,6 @@ int q31_lay_out(q31_state *self); /* 0: the pool is too small */
 void q31_sums_row(q31_state *self, unsigned equation, const int32_t *row);
 void q31_sums_skip(q31_state *self);
 void q31_sums_clear(q31_state *self);
-void q31_gather(const q31_state *self, unsigned equation, fsm_sums *out);
+void q31_gather(q31_state *self, unsigned equation, fsm_sums *out);
 
 #endif

@@ -26,13 +26,15 @@ static block block_of(q31_state *self, unsigned e) {
 }
 
 int q31_lay_out(q31_state *self) {
-    uint32_t at = 0;
+    uint32_t at = 0, lags = 0;
     for (unsigned e = 0; e < self->common.regression.equations; e++) {
         const unsigned m = self->common.equation[e].columns, n = self->common.equation[e].params + 1u;
         self->sums[e].at = at;
+        self->sums[e].lags_at = lags;
+        lags += FSM_LAGS * FSM_PAIRS(n);
         at += m * m + FSM_LAGS * n * n + n + (FSM_LAGS * n + 1) / 2;
     }
-    return at <= DRIVEID_Q31_POOL;
+    return at <= DRIVEID_Q31_POOL && lags <= Q31_LAGS;
 }
 
 static int64_t faded(int64_t x, unsigned shift, int64_t times) { return x - fixed_round(x, shift) * times; }
@@ -107,17 +109,18 @@ void q31_sums_skip(q31_state *self) {
 void q31_sums_clear(q31_state *self) {
     memset(self->pool, 0, sizeof self->pool);
     for (unsigned e = 0; e < DRIVEID_EQUATIONS_MAX; e++) {
-        const uint32_t at = self->sums[e].at;
+        const uint32_t at = self->sums[e].at, lags_at = self->sums[e].lags_at;
         memset(&self->sums[e], 0, sizeof self->sums[e]);
         self->sums[e].at = at;
+        self->sums[e].lags_at = lags_at;
     }
 }
 
 /* Into SI; the instant's initial conditions eliminated. */
-void q31_gather(const q31_state *self, unsigned e, fsm_sums *out) {
+void q31_gather(q31_state *self, unsigned e, fsm_sums *out) {
     const fsm_equation *q = &self->common.equation[e];
     const q31_sums *sums = &self->sums[e];
-    const block b = block_of((q31_state *)self, e);
+    const block b = block_of(self, e);
     const unsigned m = q->columns, n = q->params + 1u;
     const double unit = (double)(INT64_C(1) << PRODUCT), rows = (double)ROW;
     double full[FSM_COLUMNS_MAX * FSM_COLUMNS_MAX], solved[DRIVEID_ORDER_MAX * FSM_COLUMNS_MAX];
@@ -126,10 +129,14 @@ void q31_gather(const q31_state *self, unsigned e, fsm_sums *out) {
     fsm_solve_initial(q, full, FSM_SMALL, solved);
     fsm_eliminate_initial(q, solved, full);
     fsm_pack(q, full, out->s);
-    for (unsigned lag = 0; lag < FSM_LAGS; lag++)
-        for (unsigned i = 0; i < n; i++)
-            for (unsigned j = 0; j < n; j++)
-                out->g[lag][i * n + j] = unit * self->coarse * self->coarse * (double)b.g[(lag * n + i) * n + j] * self->scale[e][i < n - 1 ? i : m - 1] * self->scale[e][j < n - 1 ? j : m - 1];
+    double *g = self->lags + self->sums[e].lags_at;
+    out->g = g;
+    for (unsigned i = 0; i < n; i++)
+        for (unsigned j = 0; j <= i; j++, g += FSM_LAGS) {
+            const double si = self->scale[e][i < n - 1 ? i : m - 1], sj = self->scale[e][j < n - 1 ? j : m - 1];
+            const int64_t *one = b.g + i * n + j, *other = b.g + j * n + i;
+            for (unsigned lag = 0; lag < FSM_LAGS; lag++) g[lag] = unit * self->coarse * self->coarse * (double)(one[lag * n * n] + other[lag * n * n]) * si * sj;
+        }
     out->weight = (double)sums->weight / rows;
     out->weight2 = (double)sums->weight2 / rows;
     out->rows = out->weight2 > 0 ? (double)sums->coarse_rows / rows * ((double)sums->coarse_rows / rows) / out->weight2 : 0;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "watch.h"
 
-void watch_motion(driveid_svf_common *common, unsigned e, const double *phi, const double *s, unsigned stride, double weight, double dt_s,
+void watch_motion(driveid_svf_common *common, unsigned e, const double *phi, const double *square, double weight, double dt_s,
                   double *least, double *most) {
     const fsm_equation *q = &common->equation[e];
     const double share = dt_s / (FSM_MOTION_S + dt_s);
@@ -9,7 +9,7 @@ void watch_motion(driveid_svf_common *common, unsigned e, const double *phi, con
         if (!(common->motion_mask >> q->param[j] & 1)) continue;
         double *motion = &common->motion[q->param[j]];
         *motion += share * (phi[j] * phi[j] - *motion);
-        const double usual = weight > 0 ? s[j * stride + j] / weight : 0;
+        const double usual = weight > 0 ? square[j] / weight : 0;
         const double relative = usual > 0 ? *motion / usual : 1;
         if (relative < *least) *least = relative;
         if (relative > *most) *most = relative;

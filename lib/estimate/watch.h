@@ -8,9 +8,9 @@
 /* Prediction error of a row phi (params of the equation), y with the last answer, into the monitor. 1: alarm. */
 int watch_residual(driveid_svf_common *common, unsigned equation, const double *phi, double y, double dt_s);
 
-/* Recent size of each motion column against its size in the sums s (stride numbers a row, weight rows): the drive rests where all are
+/* Recent size of each motion column against its size in the sums (square: of each column's squares, weight rows): the drive rests where all are
  * small, and where one is small nothing new is learnt about its parameter, so nothing is forgotten. least and most: of what was seen so far. */
-void watch_motion(driveid_svf_common *common, unsigned equation, const double *phi, const double *s, unsigned stride, double weight, double dt_s,
+void watch_motion(driveid_svf_common *common, unsigned equation, const double *phi, const double *square, double weight, double dt_s,
                   double *least, double *most);
 
 #endif
