@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "exponentials.hpp"
+#include "page.hpp"
 
 using namespace truth;
 
@@ -98,9 +99,10 @@ TEST(Control, LoopOfThePaper) {
     std::vector<double> y(6000);
     driveid_step_figures f;
     ASSERT_EQ(driveid_loop_step(&m, &r, y.size(), y.data(), &f), DRIVEID_OK);
-    EXPECT_NEAR(f.t90_s, .91, .01);
-    EXPECT_NEAR(f.overshoot_percent, 7.7, .15);
-    EXPECT_NEAR(f.settling_s, 2.0, .05);
+    const page::Table table("Fliess 2006", "Closed-loop step (a figure in the paper)", "");
+    table.near("time to 90 %, s", page::none, f.t90_s, .91, .01);
+    table.near("overshoot, %", page::none, f.overshoot_percent, 7.7, .15);
+    table.near("settling to 2 %, s", page::none, f.settling_s, 2.0, .05);
 }
 
 TEST(Control, StepIsThatOfAnIndependentLoop) {
