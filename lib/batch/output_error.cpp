@@ -152,6 +152,7 @@ struct Local {                       // one window, initial states projected out
 };
 
 struct Linear {
+  std::vector<Stack> columns;        // differences by parameter, then by state
   std::vector<Local> local;
   Eigen::MatrixXd A;
   Eigen::VectorXd b;
@@ -168,21 +169,28 @@ void huber_weights(std::vector<Local> &local) {
   for (std::size_t k = 0; k < local.size(); k++) local[k].weight = limit > 0 && rms[k] > limit ? limit / rms[k] : 1.0;
 }
 
-// All simulations of one linearisation; parameter columns are shared out between two threads.
-bool columns(const Fitting &f, const Point &point, const Stack &base, std::vector<Stack> &out) {
-  const std::size_t P = f.free.size(), S = f.states.size();
-  out.assign(P + S, {});
-  std::vector<unsigned char> good(P + S, 1);
+// All simulations of one linearisation; parameter columns are shared out between two threads. Backwards: parameters are moved to the
+// other side, and the columns of the states stay as they are.
+bool columns(const Fitting &f, const Point &point, const Stack &base, std::vector<Stack> &out, bool backwards = false) {
+  const std::size_t P = f.free.size(), S = f.states.size(), count = backwards ? P : P + S;
+  out.resize(P + S);
+  std::vector<unsigned char> good(count, 1);
   auto work = [&](std::size_t first) {
-    for (std::size_t k = first; k < P + S; k += 2) {
+    for (std::size_t k = first; k < count; k += 2) {
       Point moved = point;
       double step = 1;
       if (k < P) {
         const FreeParam &free = f.free[k];
         step = f.step[k];
         double &value = value_at(moved, free);
-        if (value + step > free.hi) step = -step;
-        value += step;
+        const double before = value;
+        if ((value + step > free.hi) != backwards) step = -step;
+        value = std::clamp(before + step, free.lo, free.hi);
+        step = value - before;
+        if (step == 0) {
+          out[k].assign(base.size(), 0.0);
+          continue;
+        }
       } else {
         step = f.state_step[f.states[k - P]];
       }
@@ -279,7 +287,7 @@ void find_filters(Fitting &f, const Stack &base, const std::vector<Stack> &d) {
 
 bool linearise(Fitting &f, const Point &point, const Stack &base, Linear &lin, bool weights, bool filters = false) {
   const std::size_t P = f.free.size();
-  std::vector<Stack> d;
+  std::vector<Stack> &d = lin.columns;
   if (!columns(f, point, base, d)) return false;
   if (filters) find_filters(f, base, d);
   std::vector<double> previous;
@@ -413,8 +421,25 @@ std::vector<Eigen::VectorXd> scores(const Fitting &f, const Linear &lin) {
   return score;
 }
 
+// How alike a step up and a step down are, by parameter: 1 where the differences are derivatives; towards 0 where the simulation sticks and slips at the
+// bidding of a noisy input, so that a step only moves it to another chance, and the information in the differences is as imaginary.
+Eigen::VectorXd agreement(const Fitting &f, const Point &point, const Stack &base, const Linear &lin) {
+  const Eigen::Index P = lin.A.rows();
+  std::vector<Stack> back = lin.columns;
+  Eigen::VectorXd both = Eigen::VectorXd::Zero(P), down = Eigen::VectorXd::Zero(P), alike = Eigen::VectorXd::Ones(P);
+  if (!columns(f, point, base, back, true)) return Eigen::VectorXd::Zero(P);
+  for (std::size_t w = 0; w < f.windows.size(); w++) {
+    const Local l = localise(f, w, base, back);
+    both += lin.local[w].weight * l.Jp.cwiseProduct(lin.local[w].Jp).colwise().sum().transpose();
+    down += lin.local[w].weight * l.Jp.colwise().squaredNorm().transpose();
+  }
+  for (Eigen::Index k = 0; k < P; k++)
+    if (down[k] > 0) alike[k] = std::clamp(both[k] / std::sqrt(down[k] * std::max(lin.A(k, k), 1e-300)), 0.0, 1.0);
+  return alike;
+}
+
 // Sandwich of block scores, products with neighbours under Bartlett's weights; never below what white residuals of this size would give.
-void covariance(const Fitting &f, const Linear &lin, OutputErrorResult &result) {
+void covariance(const Fitting &f, const Linear &lin, const Eigen::VectorXd &alike, OutputErrorResult &result) {
   const Eigen::Index P = lin.A.rows();
   const std::vector<Eigen::VectorXd> score = scores(f, lin);
   const std::size_t m = f.problem.outputs.size();
@@ -439,6 +464,8 @@ void covariance(const Fitting &f, const Linear &lin, OutputErrorResult &result) 
       cov.row(k) *= grow;
       cov.col(k) *= grow;
     }
+  const Eigen::VectorXd grow = alike.cwiseMax(1e-6).cwiseSqrt().cwiseInverse();   // information that is not there
+  cov = grow.asDiagonal() * cov * grow.asDiagonal();
   result.covariance = cov;
   // 97.5 % point of an estimate divided by a deviation from few neighbouring blocks (Kiefer and Vogelsang 2005, Bartlett's weights)
   const double b = std::min(0.5, double(kLags + 1) / std::max(1.0, blocks));
@@ -512,11 +539,13 @@ OutputErrorResult fit_output_error(const OutputErrorProblem &problem) {
   if (!linearise(f, point, base, lin, false)) return result;
   result.model = point.model;
   result.skew_s = point.skew_s;
-  covariance(f, lin, result);
+  const Eigen::VectorXd alike = agreement(f, point, base, lin);
+  covariance(f, lin, alike, result);
   report_rmse(f, base, result);
   result.cost = total_cost(f, base, weights_of(lin));
   const Eigen::Index P = Eigen::Index(problem.free.size());
   result.covariance = Eigen::MatrixXd(result.covariance.topLeftCorner(P, P));
+  result.agreement = P ? alike.head(P).minCoeff() : 1.0;
   result.ok = result.covariance.allFinite();
   return result;
 }

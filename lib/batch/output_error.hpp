@@ -59,6 +59,7 @@ struct OutputErrorResult {
   double skew_s = 0;             // found, beyond that of the stretches
   double cost = 0;
   double quantile = 1.96;        // deviations in half of a 95 % interval
+  double agreement = 1;          // least likeness of steps up and down, 0..1: well below 1 the differences are no derivatives
   bool ok = false;
 };
 

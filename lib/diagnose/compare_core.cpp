@@ -227,11 +227,27 @@ void add_where(const Equation &e, const Eigen::VectorXd &residual, const Floor &
   }
 }
 
+// What even the model and a flexible regression together leave: with the model's own effects, and with the orders of the turn that it still misses.
+double left_beside_model(Equation &e, const Eigen::VectorXd &residual, std::vector<Family> families) {
+  constexpr std::size_t kOrders = 2;
+  constexpr double kSure = 5, kInFamily = 8;   // deviations; the turn's family has the orders up to 8 already
+  std::size_t orders = 0;
+  for (const OrderLine &line : order_lines(e, residual))
+    if (line.statistic > kSure && line.order > kInFamily && orders++ < kOrders) families.push_back(order_family(e, line.order));
+  const Eigen::VectorXd measured = e.y;
+  e.y = residual;
+  const Floor floor = find_floor(e, families);
+  e.y = measured;
+  return floor.hi;
+}
+
 void equation_errors(const driveid_model &model, EquationSet &set, Compared &out, double &share) {
   share = 1;
   for (Equation &e : set.equation) {
-    const Floor floor = find_floor(e, make_families(e));
+    const std::vector<Family> families = make_families(e);
+    Floor floor = find_floor(e, families);
     const Eigen::VectorXd residual = equation_residual(e, model);
+    floor.hi = std::min(floor.hi, left_beside_model(e, residual, families));
     ErrorObject o;
     o.rmse = std::sqrt(residual.squaredNorm() / double(std::max<std::size_t>(1, e.rows)));
     o.unit = e.unit;

@@ -300,6 +300,7 @@ constexpr double kAsGood = 0.15;     // objectives whose errors on kept-aside st
 constexpr double kWorthIt = 0.20;    // an objective without honest intervals must predict kept-aside stretches that much better
 
 constexpr double kLeaves = 2;         // half-widths
+constexpr double kDerivatives = 0.5;  // agreement of steps up and down, below which a window is too long for a simulation that sticks and slips with a noisy input
 
 // The longest of the whitened objectives that predict about as well as the best of them.
 const Trial *choose_local(const std::vector<Trial> &trials) {
@@ -345,7 +346,7 @@ std::vector<Trial> try_objectives(FitOutcome &outcome, const Part &part, const D
   std::vector<Trial> trials{{"equation", {}, outcome.model, judge(outcome.model, part, data.judged)}};
   double longest = 0;
   for (const batch::Stretch &s : data.training) longest = std::max(longest, s.t_s.back() - s.t_s.front());
-  std::vector<Objective> objectives{{1.0, true}, {4.0, true}, {0.0, false}};
+  std::vector<Objective> objectives{{0.3, true}, {1.0, true}, {4.0, true}, {0.0, false}};
   if (options.window_s >= 0) objectives = {{options.window_s, options.whiten}}, trials.clear();
   driveid_model start = outcome.model;
   if (options.tick && !options.tick(0.25, "refine")) {
@@ -364,7 +365,7 @@ std::vector<Trial> try_objectives(FitOutcome &outcome, const Part &part, const D
       return trials;
     }
     const auto r = refine(start, part, data.training, objective, free, 12, data.free_skew);
-    if (!r) continue;
+    if (!r || (objective.whiten && r->agreement < kDerivatives && options.window_s < 0)) continue;
     Trial t{name_of(objective), objective, r->model, judge(r->model, part, data.judged)};
     if (trials.empty() || t.score < trials.back().score + 0.5) start = t.model;
     trials.push_back(t);
@@ -456,10 +457,13 @@ void refine_values(driveid_model &model, const std::vector<Prepared> &training, 
     const std::vector<batch::FreeParam> free = free_params(model, part.mode);
     if (data.empty() || free.empty()) continue;
     const auto near = refine(model, part, data, {0.3, false}, free, 6);
-    const auto fitted = refine(near ? near->model : model, part, data, {2.0, true}, free, 10, skew_unknown(model, training[0], part));
-    if (!fitted) continue;
-    model = fitted->model;
-    write_intervals(model, free, *fitted);
+    for (double window_s : {2.0, 0.3}) {
+      const auto fitted = refine(near ? near->model : model, part, data, {window_s, true}, free, 10, skew_unknown(model, training[0], part));
+      if (!fitted || fitted->agreement < kDerivatives) continue;
+      model = fitted->model;
+      write_intervals(model, free, *fitted);
+      break;
+    }
   }
 }
 

@@ -10,6 +10,7 @@ namespace driveid::diagnose {
 namespace {
 
 constexpr double kTwoPi = 6.283185307179586;
+constexpr int kMostOrders = 60;
 constexpr std::size_t kStretch = 50;   // rows: longer than what the kernel correlates
 
 std::string say(const char *format, double a = 0, double b = 0) {
@@ -52,42 +53,45 @@ Regime weigh(const Rows &rows, const std::vector<unsigned char> &inside, std::st
   return r;
 }
 
-void turn_harmonics(const Equation &e, const Eigen::VectorXd &residual, const Eigen::VectorXd &floor, const Rows &rows, std::vector<Regime> &out) {
-  double lo = INFINITY, hi = -INFINITY;
-  for (const auto *s : rows.state) lo = std::min(lo, s->angle), hi = std::max(hi, s->angle);
-  const bool rotary = e.frame != DRIVEID_FRAME_FORCE && e.frame != DRIVEID_FRAME_AMPERE_LINEAR;
-  if (!rotary || hi - lo < 1.5 * kTwoPi) return;
-  struct Line { int order; double share, z; };
-  std::vector<Line> lines;
-  const double n = double(rows.gain.size());
-  for (int order = 1; order <= 60; ++order) {
-    double c = 0, s = 0, vc = 0;
-    for (std::size_t a = 0; a < rows.state.size(); a += kStretch) {
-      double bc = 0, bs = 0;
-      for (std::size_t k = a; k < std::min(rows.state.size(), a + kStretch); ++k) {
-        bc += residual[Eigen::Index(k)] * std::cos(order * rows.state[k]->angle);
-        bs += residual[Eigen::Index(k)] * std::sin(order * rows.state[k]->angle);
-      }
-      c += bc; s += bs; vc += bc * bc + bs * bs;
-    }
-    double power = 2 * (c * c + s * s) / n;
-    lines.push_back({order, rows.total > 0 ? power / rows.total : 0, vc > 0 ? std::sqrt(2 * (c * c + s * s) / vc) : 0});
-  }
-  (void)floor;
-  std::sort(lines.begin(), lines.end(), [](const Line &a, const Line &b) { return a.share > b.share; });
-  for (std::size_t k = 0; k < 3; ++k) {
+void turn_harmonics(const Equation &e, const Eigen::VectorXd &residual, const Rows &rows, std::vector<Regime> &out) {
+  std::vector<OrderLine> lines = order_lines(e, residual);
+  for (std::size_t k = 0; k < std::min<std::size_t>(3, lines.size()); ++k) {
     Regime r;
     r.axis = "turn";
     r.text = say("%.0f periods per turn", lines[k].order);
     r.lo = r.hi = lines[k].order;
-    r.share = std::clamp(lines[k].share, 0.0, 1.0);
+    r.share = rows.total > 0 ? std::clamp(lines[k].power / rows.total, 0.0, 1.0) : 0;
     r.rows = 1;
-    r.statistic = lines[k].z;
+    r.statistic = lines[k].statistic;
     out.push_back(r);
   }
 }
 
 }  // namespace
+
+std::vector<OrderLine> order_lines(const Equation &e, const Eigen::VectorXd &residual) {
+  std::vector<double> angle;
+  double lo = INFINITY, hi = -INFINITY;
+  for (const Track &t : e.tracks)
+    for (int c : t.row) angle.push_back(t.state[std::size_t(c)].angle), lo = std::min(lo, angle.back()), hi = std::max(hi, angle.back());
+  const bool rotary = e.frame != DRIVEID_FRAME_FORCE && e.frame != DRIVEID_FRAME_AMPERE_LINEAR;
+  std::vector<OrderLine> lines;
+  if (e.electrical || !rotary || hi - lo < 1.5 * kTwoPi) return lines;
+  for (int order = 1; order <= kMostOrders; ++order) {
+    double c = 0, s = 0, v = 0;
+    for (std::size_t a = 0; a < angle.size(); a += kStretch) {
+      double bc = 0, bs = 0;
+      for (std::size_t k = a; k < std::min(angle.size(), a + kStretch); ++k) {
+        bc += residual[Eigen::Index(k)] * std::cos(order * angle[k]);
+        bs += residual[Eigen::Index(k)] * std::sin(order * angle[k]);
+      }
+      c += bc; s += bs; v += bc * bc + bs * bs;
+    }
+    lines.push_back({double(order), 2 * (c * c + s * s) / double(angle.size()), v > 0 ? std::sqrt(2 * (c * c + s * s) / v) : 0});
+  }
+  std::sort(lines.begin(), lines.end(), [](const OrderLine &a, const OrderLine &b) { return a.power > b.power; });
+  return lines;
+}
 
 std::vector<Regime> locate(const Equation &e, const Eigen::VectorXd &residual, const Eigen::VectorXd &floor) {
   Rows rows;
@@ -139,7 +143,7 @@ std::vector<Regime> locate(const Equation &e, const Eigen::VectorXd &residual, c
   else by("drive", [](const driveid_effect_state &s) { return std::fabs(s.drive); }, drive, "driving channel", 3);
   if (e.tracks[0].state[0].has_temperature) by("temperature", [](const driveid_effect_state &s) { return s.T_degC; }, "degC", "temperature", 3);
   by("time", [](const driveid_effect_state &s) { return s.t_s; }, "s", "time", 4);
-  if (!e.electrical) turn_harmonics(e, residual, floor, rows, out);
+  if (!e.electrical) turn_harmonics(e, residual, rows, out);
   {   // slow and fast parts of the residual: a running mean over about 0.2 s
     const double step = e.tracks[0].row.size() > 1 ? (e.tracks[0].row[1] - e.tracks[0].row[0]) * e.tracks[0].dt_s : 0.01;
     const std::ptrdiff_t half = std::max<std::ptrdiff_t>(1, std::ptrdiff_t(0.1 / step));

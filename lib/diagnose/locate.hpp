@@ -22,4 +22,8 @@ struct Regime {
 // residual: of the model; floor: what the best prediction leaves (same rows). Ranked by share.
 std::vector<Regime> locate(const Equation &equation, const Eigen::VectorXd &residual, const Eigen::VectorXd &floor);
 
+// Orders of the turn in a residual, the strongest first; none where the axis is linear or turns less than one and a half times.
+struct OrderLine { double order, power, statistic; };   // periods per turn; mean square times rows; deviations of chance
+std::vector<OrderLine> order_lines(const Equation &equation, const Eigen::VectorXd &residual);
+
 }  // namespace driveid::diagnose
