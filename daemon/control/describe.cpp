@@ -45,6 +45,9 @@ void residual(JsonOut& o, const Drive& d) {
     } else {
         o.key("regime").null().key("likely_effect").null().key("order").null().key("share").null();
     }
+    o.key("not_told_apart_from").open('[');
+    for (uint32_t k = 0; w && k < w->ties; ++k) o.string(w->tie[k]);
+    o.close(']');
     o.close('}');
 }
 

@@ -10,11 +10,12 @@
 #define STILL 0.0025         /* of the usual square of speed, and of acceleration */
 #define ASLEEP_S 2.0         /* of standstill, and nothing is computed any more */
 #define SETTLE 16.0          /* times 1/pole: until the start of the filters is forgotten */
-#define LEARN_S 5.0          /* of motion before the first reference */
+#define LEARN_S 5.0          /* of motion before the first reference, and beside it before the first mismatch */
 #define FRESH_S 0.5          /* of motion in the sums before they are looked at */
-#define CONFIRM_S 1.5        /* of motion beyond the limits before it is a mismatch */
-#define CERTAIN_T2 1000.0    /* no need to wait so long */
-#define UNKNOWN_S 4.0        /* and before it is one that no effect explains */
+#define NAME_S 0.5           /* of motion with the same name that earlier rows gave: a burst is no effect */
+#define PRODUCT_NAME_S 2.0   /* where the column has the torque as a factor: for a while it looks like any error of the torque */
+#define UNKNOWN_S 4.0        /* of motion beyond the limits before it is a mismatch that no effect explains */
+#define UNDECIDED_S 8.0      /* or whose name is still not settled */
 #define CALM_S 3.0           /* of motion below them in a row before it is none */
 #define SHARP 0.003          /* of the equation's largest term, rms: uncertainty of an answer that refines the reference */
 #define SHARP_FIRST 0.006    /* and of one that becomes it */
@@ -53,8 +54,11 @@ static driveid_status lay_out(driveid_watch *w) {
         if (t->equation != w->online.mechanical || t->param == DRIVEID_TERM_KNOWN || w->place[t->param] < WATCH_BASE) continue;
         if (w->params + 1 >= WATCH_BASE) return DRIVEID_ERR_CAPACITY;
         const driveid_param *p = value_of(&w->online.model, w->online.physical_name[t->param]);
-        if (p) w->reference[w->params] = p->value;
-        else w->has_reference = 0;
+        if (p) {
+            w->reference[w->params] = p->value;
+            w->sigma[w->params] = (p->hi - p->lo) / (2 * 1.96);
+        }
+        if (!p) w->has_reference = 0;
         w->place[t->param] = w->params++;
     }
     return DRIVEID_OK;
@@ -87,6 +91,7 @@ static void make_banks(driveid_watch *w, unsigned order, double pole_rad_s) {
 driveid_status driveid_watch_init(driveid_watch *w, const driveid_online *online, double dt_s) {
     if (!w || !online || !(dt_s > 0)) return DRIVEID_ERR_ARGUMENT;
     memset(w, 0, sizeof *w);
+    w->name = w->said = -1;
     w->online = *online;
     if (online->mechanical < 0) return DRIVEID_ERR_CONFIG;
     const double suggested = online->regression.bandwidth_rad_s, pole = fmin(suggested > 0 ? suggested : 200, 0.25 / dt_s);
@@ -204,27 +209,57 @@ static void clear_sums(driveid_watch *w) {
     memset(w->regime_weight, 0, sizeof w->regime_weight);
 }
 
+static int tied(const watch_finding *f, unsigned effect) {
+    for (unsigned i = 0; i < f->ties; i++)
+        if (f->tie[i] == effect) return 1;
+    return 0;
+}
+
+/* A name that was said stays while nothing is told from it. */
 static void report(driveid_watch *w, const watch_finding *f, int named) {
     driveid_watch_report *r = &w->report;
     if (!r->mismatch) r->since_ns = w->first_over_ns;
+    const int stays = r->mismatch && named && w->said >= 0 && tied(f, w->candidate[w->said].effect);
+    if (!stays) w->said = named ? f->best : -1;
     r->mismatch = 1;
-    const watch_candidate *c = named ? &w->candidate[f->best] : NULL;
+    const watch_candidate *c = w->said >= 0 ? &w->candidate[w->said] : NULL;
     r->effect = c ? driveid_effect_at(c->effect)->name : "unknown";
     r->order = c ? c->order : 0;
     r->share = c ? f->share : 0;
+    r->ties = c ? f->ties : 0;
+    for (unsigned i = 0; i < r->ties; i++) {
+        const unsigned other = stays && f->tie[i] == c->effect ? w->candidate[f->best].effect : f->tie[i];
+        r->tie[i] = driveid_effect_at(other)->name;
+    }
     r->regime = worst_regime(w);
 }
 
 static void no_mismatch(driveid_watch *w) {
-    w->over_s = w->calm_s = 0;
+    w->over_s = w->calm_s = w->name_s = 0;
+    w->name = w->said = -1;
+    w->named_before = 0;
     w->report.mismatch = 0;
     w->report.effect = NULL;
     w->report.share = w->report.order = 0;
+    w->report.ties = 0;
 }
 
-/* What a candidate takes is beyond the reference's own error, and more than a part of the residual. */
-static int explained(const watch_finding *f) {
-    return f->best >= 0 && f->share > EXPLAINS && f->share * f->r2 > TOLERANCE * TOLERANCE * f->drive2;
+/* What a candidate takes is more than a part of the residual, and more than nothing beside the drive. */
+static int explained(const watch_finding *f) { return f->best >= 0 && f->share > EXPLAINS && f->size2 > TOLERANCE * TOLERANCE * f->drive2; }
+
+/* A name is said once two stretches of motion, one after the other, gave the same. */
+static int settled(driveid_watch *w, int name, double motion_s) {
+    if (name < 0) return 0;
+    const int same = watch_alike(w, name, w->name);
+    w->name_s = same ? w->name_s + motion_s : 0;
+    if (!same) w->named_before = 0;
+    w->name = name;
+    if (w->name_s < (w->candidate[name].product ? PRODUCT_NAME_S : NAME_S)) return 0;
+    if (w->named_before || w->report.mismatch) return 1;
+    w->named_before = 1;
+    w->name_s = w->motion_s = 0;
+    clear_sums(w);
+    return 0;
 }
 
 static void look(driveid_watch *w, double motion_s) {
@@ -239,6 +274,7 @@ static void look(driveid_watch *w, double motion_s) {
     w->report.ready = 1;
     w->report.rms = sqrt(f.r2);
     w->report.usual_rms = sqrt(usual);
+    if (w->young_s < LEARN_S) return;
     if (!named && !excess) {
         w->calm_s += motion_s;
         if (w->calm_s > CALM_S) no_mismatch(w);
@@ -249,11 +285,14 @@ static void look(driveid_watch *w, double motion_s) {
         w->first_over_ns = w->last_ns;
         w->over_s = 1e-9 * (double)w->row_ns;
         w->motion_s = 0;
+        w->name = named && !f.open ? f.best : -1;
+        w->named_before = w->name >= 0;
         clear_sums(w);
         return;
     }
     w->over_s += motion_s;
-    if (w->over_s >= (!named ? UNKNOWN_S : f.t2 > CERTAIN_T2 ? FRESH_S : CONFIRM_S)) report(w, &f, named);
+    if (settled(w, named && !f.open ? f.best : -1, motion_s)) report(w, &f, named);
+    else if (!w->report.mismatch && w->over_s >= (named ? UNDECIDED_S : UNKNOWN_S)) report(w, &f, named);
 }
 
 static void row(driveid_watch *w, double dt_s) {
@@ -345,8 +384,10 @@ static void refine(driveid_watch *w, const double *theta) {
     w->motion_s = FRESH_S; /* the sums do not depend on the reference */
 }
 
-static void take(driveid_watch *w, const double *theta) {
+static void take(driveid_watch *w, const driveid_estimate *e, const double *theta) {
     memcpy(w->reference, theta, sizeof w->reference);
+    for (unsigned i = 0; i < e->params; i++)
+        if (w->place[i] < w->params) w->sigma[w->place[i]] = sqrt(e->cov[i * e->params + i]);
     w->has_reference = 1;
     driveid_monitor_init(&w->monitor, 0);
     memset(w->regime_usual, 0, sizeof w->regime_usual);
@@ -361,13 +402,14 @@ void driveid_watch_estimate(driveid_watch *w, const driveid_estimate *e, driveid
     double theta[WATCH_BASE] = {0};
     if (w->online.mechanical < 0 || !usable(w, e, status, theta) || !sharp(w, e, SHARP_FIRST)) return;
     if (!w->has_reference) {
-        if (w->motion_s >= LEARN_S) take(w, theta);
+        if (w->motion_s >= LEARN_S) take(w, e, theta);
         return;
     }
     if (!w->from_file && w->over_s == 0 && w->motion_s >= REFRESH_S && sharp(w, e, SHARP)) {
         refine(w, theta);
     }
-    if (!w->report.mismatch || w->over_s < FOLLOW_S) return;
+    const int lacks = w->said >= 0 && !w->candidate[w->said].own; /* other parameters would only hide an effect that the model has not */
+    if (!w->report.mismatch || lacks || w->over_s < FOLLOW_S) return;
     const watch_finding f = watch_find(w, theta);
-    if (!explained(&f) && f.r2 < 0.25 * w->report.rms * w->report.rms) take(w, theta);
+    if (!explained(&f) && f.r2 < 0.25 * w->report.rms * w->report.rms) take(w, e, theta);
 }

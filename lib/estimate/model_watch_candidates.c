@@ -32,6 +32,7 @@ static void add_fed(driveid_watch *w, const char *name, double shape) {
     watch_candidate *c = add(w, name, info->columns);
     if (!c) return;
     c->shape[0] = shape;
+    c->product = strcmp(name, "load_dependent_friction") == 0 || strcmp(name, "torque_saturation") == 0 || strcmp(name, "torque_ripple") == 0;
     if (info->shapes && info->shape[0].dimension == DRIVEID_DIM_ORDER) c->order = shape;
 }
 
@@ -49,15 +50,23 @@ static int drive_channel(const driveid_online *o) {
     return -1;
 }
 
-/* Changes of what the model has: the equation's own terms. The sign stands in both kinds of friction. */
+static unsigned model_has_dry(const driveid_watch *w) {
+    static const char *const dry[] = {"coulomb", "stribeck", "lugre", "asymmetric_friction", "eccentric_friction"};
+    for (unsigned i = 0; i < sizeof dry / sizeof *dry; i++)
+        if (model_has(w, dry[i])) return 1;
+    return 0;
+}
+
+/* Changes of what the model has: the equation's own terms; of friction the sign too where it has dry friction. */
 static void list_own(driveid_watch *w) {
     const unsigned d = w->motion_derivative;
     watch_candidate *c = add(w, "inertia_change", 1);
     if (c) c->own = 1;
     add_tap(w, c, 0, w->motion_channel, d + 1, 1);
-    c = add(w, "friction_drift", 2);
+    const unsigned dry = model_has_dry(w);
+    c = add(w, "friction_drift", dry ? 2 : 1);
     if (c) c->own = 1;
-    add_tap(w, c, 1, w->motion_channel, d, 1);
+    add_tap(w, c, dry, w->motion_channel, d, 1);
     const int drive = drive_channel(&w->online);
     if (drive < 0) return;
     c = add(w, "delay", 1);
@@ -124,7 +133,7 @@ void watch_fill(const driveid_watch *w, double *column) {
         if (c->own || info->columns == 0 || c->order > 0) continue;
         (void)driveid_effect_columns(info, c->shape, &x, memory, column + c->first);
     }
-    if (w->candidates > 1) column[w->candidate[1].first] = x.direction; /* of friction_drift */
+    if (w->candidates > 1 && w->candidate[1].columns > 1) column[w->candidate[1].first] = x.direction; /* of friction_drift */
     for (unsigned k = 0; k < w->candidates; k++) {
         const watch_candidate *c = &w->candidate[k];
         const driveid_effect_info *info = driveid_effect_at(c->effect);

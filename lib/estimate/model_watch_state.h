@@ -27,6 +27,7 @@ typedef struct watch_candidate {
     uint8_t effect;            /* index in the catalogue */
     uint8_t columns, first;
     uint8_t own;               /* 1: a change of what the model has */
+    uint8_t product;           /* 1: of the torque and something else */
     double order;
     double shape[DRIVEID_EFFECT_SHAPES_MAX];
 } watch_candidate;
@@ -43,9 +44,12 @@ struct driveid_watch {
     uint8_t motion_channel, motion_derivative;
     watch_candidate candidate[WATCH_CANDIDATES];
     watch_tap tap[4];
-    double reference[WATCH_BASE];         /* by base column */
+    double reference[WATCH_BASE], sigma[WATCH_BASE]; /* by base column: value and its standard deviation */
     int64_t last_ns, start_ns, last_row_ns, row_ns, settle_ns, first_over_ns;
-    double still_s, look_s, motion_s, over_s, calm_s;
+    double still_s, look_s, motion_s, over_s, calm_s, name_s;
+    int said;                  /* candidate whose name the report has, -1: none */
+    int name;                  /* candidate that takes most (-1: none), the same for name_s of motion */
+    uint8_t named_before;      /* by rows that the sums no longer have */
     uint32_t estimates;        /* behind a learnt reference */
     double young_s;            /* of motion since the reference was taken from the estimator */
     double speed2, accel2;     /* usual squares of filtered speed and acceleration in motion */
@@ -69,8 +73,14 @@ void watch_fill(const driveid_watch *watch, double *column);
 typedef struct watch_finding {
     double r2, drive2;         /* mean squares of the residual and of the equation's largest term */
     int best;                  /* candidate, -1: none beyond chance */
-    double share, t2;          /* of r'r that it takes; squared t statistic */
+    double share, size2;       /* of r'r beyond the reference's spread; mean square of what it takes */
+    int open;                  /* another one would take more, and is not yet told from an error of the reference */
+    unsigned ties;
+    uint8_t tie[DRIVEID_WATCH_TIES]; /* effects that the sums do not tell from it */
 } watch_finding;
+
+/* The same effect, and order where it has one. */
+int watch_alike(const driveid_watch *watch, int a, int b);
 
 watch_finding watch_find(const driveid_watch *watch, const double *theta);
 

@@ -73,6 +73,15 @@ def residual(drive):
     return drive["residual"]
 
 
+def named(drive, noticed, effect):
+    r, told = residual(drive), "noticed: the model no longer explains this drive"
+    if not noticed:
+        return False, told + " was not said"
+    ties = r["not_told_apart_from"]
+    return effect in [r["likely_effect"], *ties], (f"{told}; likely effect: {r['likely_effect']}" + (f", not told apart from {', '.join(ties)}" if ties else "")
+                                                   + f"; switched on was {effect}; residual {r['rms']:.3g} {r['unit']}, usual {r['usual_rms']:.3g}")
+
+
 def hidden_act(given, programs):
     folder, effect = programs.folder, random.Random(given.seed + 2).choice(EFFECTS + (FAST_EFFECTS if given.inside == "vcan" else []))
     console.print(f"drive: rigid_axis drawn from seed {given.seed + 1}; after {EFFECT_AT_S} s an effect that its model lacks is switched on")
@@ -86,9 +95,9 @@ def hidden_act(given, programs):
 
     switched_ns = json.loads((folder / "hidden.json").read_text())["start_monotonic_ns"] + EFFECT_AT_S * 10**9
     left = EFFECT_AT_S + 60 - (time.monotonic() - began)
-    drive, noticed = watch(control, programs, "the fitted model runs beside the drive; something will change", truth, left, lambda d, _: residual(d)["likely_effect"] and residual(d)["since_ns"] > switched_ns - 10**9)
-    r = residual(drive)
-    yield bool(noticed), "noticed: the model no longer explains this drive" + (f"; likely effect: {r['likely_effect']}, residual {r['rms']:.3g} {r['unit']}, usual {r['usual_rms']:.3g}" if noticed else " was not said")
+    settled = steadily(lambda d: residual(d)["likely_effect"] and residual(d)["since_ns"] > switched_ns - 10**9, 5)
+    drive, noticed = watch(control, programs, "the fitted model runs beside the drive; something will change", truth, left, settled)
+    yield named(drive, noticed, effect)
     if not noticed:
         return
     after = record(control, "after", AFTER_S)

@@ -8,7 +8,8 @@
  *           form of the catalogue: the columns of every linear effect are extra channels through the same filters; with sums that forget, what each
  *           would take of r'r is known at any time. Effects that belong to a parameter of the model (inertia_change, friction_drift) take its own
  *           column, delay takes the derivative of the driving channel. A mismatch needs a gain beyond chance (a t statistic over correlated rows), beyond
- *           what theta_0 may be off by, and for a while; its name is that of the simplest effect that takes nearly as much as the best one.
+ *           what theta_0 may be off by (the intervals of the file or of the answer it was taken from, at least 0.5 % of the largest term), and for a
+ *           while; its name is that of the plainest effect (fewest columns) among those whose likelihoods the recent motion does not tell apart.
  * Parameters  SI.
  * Returns   driveid_watch_init: DRIVEID_OK; DRIVEID_ERR_CONFIG where the structure has no mechanical equation (nothing is watched then).
  * Cost      a sample: one filter step for each column (about 140 for a rotary axis), 3 to 5 microseconds; none while the drive rests. State about 100 kB.
@@ -35,13 +36,17 @@ typedef enum driveid_watch_regime {
 
 const char *driveid_watch_regime_name(driveid_watch_regime regime);
 
+#define DRIVEID_WATCH_TIES 4
+
 typedef struct driveid_watch_report {
     uint8_t ready;                 /* theta_0 and a usual level are there */
     uint8_t mismatch;              /* the model no longer explains the drive */
     int64_t since_ns;              /* of the mismatch */
     const char *effect;            /* canonical name, "unknown" where none of the catalogue fits, NULL: no mismatch */
     double order;                  /* of a periodic effect, else 0 */
-    double share;                  /* of r'r that it takes */
+    double share;                  /* of what is beyond the reference's spread, in r'r */
+    uint32_t ties;
+    const char *tie[DRIVEID_WATCH_TIES]; /* other effects that the recent motion does not tell from it */
     driveid_watch_regime regime;   /* that holds most of the excess */
     double rms, usual_rms;         /* of r, recent and usual, SI of the equation */
 } driveid_watch_report;
@@ -60,7 +65,8 @@ void driveid_watch_sample(driveid_watch *watch, const driveid_sample *sample);
 /* Samples are known to be lost before the next one. */
 void driveid_watch_gap(driveid_watch *watch);
 
-/* The estimator's answer, where it is new: it becomes the reference where there is none, and once a mismatch is explained by other parameters alone. */
+/* The estimator's answer, where it is new: it becomes the reference where there is none, and once a mismatch that is a change of the model's own
+ * parameters, or unknown, is explained by them alone. */
 void driveid_watch_estimate(driveid_watch *watch, const driveid_estimate *estimate, driveid_status status);
 
 const driveid_watch_report *driveid_watch_answer(const driveid_watch *watch);
