@@ -27,7 +27,7 @@ ROOMS = {
 HEADERS = {
     "status": "base", "time": "base", "sample": "base", "version": "base", "regression": "base", "filter": "base", "fixed": "base",
     "filter": "base", "effect": "effect", "model": "model", "simulate": "model", "model_file": "model file", "batch": "batch",
-    "modal": "batch", "lti": "batch", "control": "batch", "diagnose": "diagnose", "fsm": "estimate", "discrete": "estimate", "monitor": "estimate", "watch": "estimate", "estimate": "estimate", "frequency": "estimate", "excitation": "estimate",
+    "modal": "batch", "lti": "batch", "control": "batch", "diagnose": "diagnose", "fsm": "estimate", "discrete": "estimate", "monitor": "estimate", "watch": "estimate", "estimate": "estimate", "fleet": "estimate", "frequency": "estimate", "excitation": "estimate",
 }
 # ARCHITECTURE.md: driveid_estimate is plain data that model maps to physical parameters; its page is included by both.
 SHARED_HEADERS = {"estimate": {"model", "model file", "batch", "diagnose"}}

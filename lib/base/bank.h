@@ -6,7 +6,7 @@
  * with i <= N (i = N takes the input itself). One step of length h is the exact lower-triangular Toeplitz matrix  e^-x x^k / k!,  x = lambda h; smooth channels
  * are a parabola through their last three readings, whose exact answer comes from the Poisson tails g_m = sum_{k>=m} e^-x x^k / k! and
  * their sums (positive numbers only, nothing cancels); held and averaged channels are exact as steps. States are kept relative to the last input, so an angle of 10^5 rad costs no digit, also in f32.
- * e^-x is computed once per nominal step and carried to nearby steps by its series: jitter costs no exp().
+ * e^-x is computed at the nearest 1/64 and carried on by its series: jitter costs hardly an exp(), and equal steps have equal coefficients.
  *
  * Start: the channel is taken as zero (level) or as constant (derivatives only) before the first sample; what the drive
  * did before lies in span{ s^i / D }, i < n, which driveid_bank_impulse() gives as regressors [EQ FSM-3].

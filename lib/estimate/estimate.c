@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "adm.h"
+#include "fsm_config.h"
 #include "fsm_state.h"
 #include "kernel.h"
 #include "q31.h"
@@ -84,8 +85,8 @@ driveid_status driveid_estimator_configure(driveid_estimator *self, size_t size,
     self->row = (uint32_t)row;
     if (table[row].learn) return learn_configure(&self->state.learner, table[row].learn, regression, options, reason, reason_size);
     if (type == DRIVEID_Q31) return q31_configure(&self->state.q31, (q31_kind)(row - FIRST_Q31), regression, options, reason, reason_size);
-    return type == DRIVEID_F64 ? driveid_svf_configure_f64(&self->state.fsm64, regression, options, reason, reason_size)
-                               : driveid_svf_configure_f32(&self->state.fsm32, regression, options, reason, reason_size);
+    return type == DRIVEID_F64 ? driveid_svf_configure_f64(&self->state.fsm64, sizeof self->state.fsm64, regression, options, reason, reason_size)
+                               : driveid_svf_configure_f32(&self->state.fsm32, sizeof self->state.fsm32, regression, options, reason, reason_size);
 }
 
 driveid_status driveid_estimator_update(driveid_estimator *self, int64_t t_ns, const double *channel) {
@@ -98,11 +99,7 @@ driveid_status driveid_estimator_update(driveid_estimator *self, int64_t t_ns, c
 }
 
 driveid_status driveid_estimator_estimate(const driveid_estimator *self, driveid_estimate *out) {
-    if (!self || !out) return DRIVEID_ERR_ARGUMENT;
-    const driveid_svf_common *common = &self->state.common;
-    const int have = common->status == DRIVEID_OK || common->status == DRIVEID_WEAK_EXCITATION || common->status == DRIVEID_RANK;
-    if (have) *out = common->answer;
-    return have && common->resting ? DRIVEID_FROZEN : common->status;
+    return self && out ? fsm_answer_of(&self->state.common, out) : DRIVEID_ERR_ARGUMENT;
 }
 
 void driveid_estimator_gap(driveid_estimator *self) {

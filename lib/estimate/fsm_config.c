@@ -14,6 +14,12 @@ uint32_t fsm_equation_size(const fsm_equation *q) { return FSM_LANES * FSM_PAIRS
 
 uint32_t fsm_stage_size(const fsm_equation *q) { return q->columns * (1 + 2 * FSM_LAGS) + FSM_LAGS * FSM_PAIRS(q->columns); }
 
+uint32_t fsm_pool_used(const driveid_svf_common *common) {
+    uint32_t used = 0;
+    for (unsigned e = 0; e < common->regression.equations; e++) used += fsm_equation_size(&common->equation[e]) + common->stages * fsm_stage_size(&common->equation[e]);
+    return used;
+}
+
 static const char *fault_in(const driveid_regression *r) {
     if (r->equations < 1 || r->equations > DRIVEID_EQUATIONS_MAX) return "regression: equations must be 1..DRIVEID_EQUATIONS_MAX";
     if (r->channels < 1 || r->channels > DRIVEID_CHANNELS_MAX) return "regression: channels must be 1..DRIVEID_CHANNELS_MAX";
@@ -96,10 +102,14 @@ driveid_status fsm_configure_common(driveid_svf_common *common, const driveid_re
     memset(common->chosen, -1, sizeof common->chosen);
     common->status = DRIVEID_NOT_YET;
     for (unsigned e = 0; e < regression->equations; e++) driveid_monitor_init(&common->monitor[e], o->alarm);
-    uint32_t one = 0, fixed = 0;
-    for (unsigned e = 0; e < regression->equations; e++) one += fsm_stage_size(&common->equation[e]), fixed += fsm_equation_size(&common->equation[e]);
     common->stages = FSM_STAGES;
-    while (common->stages > 1 && fixed + one * common->stages > FSM_POOL) common->stages--;
-    if (fixed + one * common->stages > FSM_POOL) return refuse(reason, reason_size, "regression: too many terms for the fixed memory");
+    while (common->stages > 1 && fsm_pool_used(common) > FSM_POOL) common->stages--;
+    if (fsm_pool_used(common) > FSM_POOL) return refuse(reason, reason_size, "regression: too many terms for the fixed memory");
     return DRIVEID_OK;
+}
+
+driveid_status fsm_answer_of(const driveid_svf_common *common, driveid_estimate *out) {
+    const int have = common->status == DRIVEID_OK || common->status == DRIVEID_WEAK_EXCITATION || common->status == DRIVEID_RANK;
+    if (have) *out = common->answer;
+    return have && common->resting ? DRIVEID_FROZEN : common->status;
 }

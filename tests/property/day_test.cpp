@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <vector>
 
+#include "axis.hpp"
 #include "plants.hpp"
 #include <driveid/estimate.h>
 
@@ -21,18 +22,11 @@ TEST(WorkingDay, EveryChangeFoundNoFalseAlarm) {
     const double J0 = 1.2e-4, lsb = 6.2831853 / 65536;
     plants::Axis axis{J0, 2e-4};
     Program program{g};
-    driveid_regression r{};
-    r.equations = 1, r.channels = 2, r.params = 2, r.terms = 3, r.may_be_zero = 2;
-    r.hold[1] = DRIVEID_HOLD_ZERO;
-    r.term[0] = {0, 0, 2, 0, 1};
-    r.term[1] = {0, 0, 1, 1, 1};
-    r.term[2] = {0, 1, 0, DRIVEID_TERM_KNOWN, -1};
     driveid_estimator_options o{};
     o.dt_s = dt;
-    std::vector<unsigned char> memory(driveid_estimator_size("fsm", DRIVEID_F64));
-    auto *e = reinterpret_cast<driveid_estimator *>(memory.data());
-    char reason[200];
-    ASSERT_EQ(driveid_estimator_configure(e, memory.size(), "fsm", DRIVEID_F64, &r, &o, reason, sizeof reason), DRIVEID_OK) << reason;
+    plants::AxisEstimator estimator(o);
+    driveid_estimator *e = estimator.get();
+    ASSERT_EQ(estimator.reason, "");
 
     struct Change { double at, factor; bool found = false; double moving = 0, settled = -1; };
     std::vector<Change> changes{{2.3 * 3600, 0.8}, {5.1 * 3600, 0.95}};
@@ -76,7 +70,7 @@ TEST(WorkingDay, EveryChangeFoundNoFalseAlarm) {
         std::printf("inertia x %.2f: within 2 %% after %.2f s, of these %.2f s in motion\n", c.factor, c.settled, c.moving);
     }
     EXPECT_LT(worst, 0.01);
-    std::printf("largest error of J away from changes: %.3f %%; state %zu bytes\n", 100 * worst, memory.size());
+    std::printf("largest error of J away from changes: %.3f %%; state %zu bytes\n", 100 * worst, estimator.memory.size());
 }
 
 } // namespace

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "axis.hpp"
 #include "plants.hpp"
 #include <driveid/estimate.h>
 
@@ -60,18 +61,10 @@ inline void run(Cell cell, uint64_t seed, Result &result, driveid_real type = DR
     plants::Axis varied[3] = {axis, axis, axis}; // J, B, initial speed moved a little; the initial angle's sensitivity is 1
     varied[0].J += h[0], varied[1].B += h[1], varied[2].omega += h[3];
 
-    driveid_regression r{};
-    r.equations = 1, r.channels = 2, r.params = 2, r.terms = 3, r.may_be_zero = 2;
-    r.hold[1] = DRIVEID_HOLD_ZERO;
-    r.term[0] = {0, 0, 2, 0, 1};
-    r.term[1] = {0, 0, 1, 1, 1};
-    r.term[2] = {0, 1, 0, DRIVEID_TERM_KNOWN, -1};
     driveid_estimator_options o{};
     o.dt_s = dt;
-    static thread_local std::vector<unsigned char> memory;
-    memory.resize(driveid_estimator_size("fsm", type));
-    auto *e = reinterpret_cast<driveid_estimator *>(memory.data());
-    driveid_estimator_configure(e, memory.size(), "fsm", type, &r, &o, nullptr, 0);
+    plants::AxisEstimator estimator(o, "fsm", type);
+    driveid_estimator *e = estimator.get();
 
     const double sigma = cell == quantised ? 0 : plants::log_uniform(g, 3e-4, 3e-2), lsb = 6.2831853 / 4096;
     const double f1 = plants::uniform(g, 0.3, 1.3), f2 = plants::uniform(g, 1, 3), phase = plants::uniform(g, 0, 6.28);

@@ -8,6 +8,7 @@
 #include <memory>
 #include <vector>
 
+#include "axis.hpp"
 #include "plants.hpp"
 #include <driveid/estimate.h>
 
@@ -16,25 +17,12 @@ namespace {
 using plants::Rng;
 constexpr int64_t ms = 1000000;
 
-driveid_regression axis_regression() {
-    driveid_regression r{};
-    r.equations = 1, r.channels = 2, r.params = 2, r.terms = 3, r.may_be_zero = 2;
-    r.hold[1] = DRIVEID_HOLD_ZERO;
-    r.term[0] = {0, 0, 2, 0, 1};
-    r.term[1] = {0, 0, 1, 1, 1};
-    r.term[2] = {0, 1, 0, DRIVEID_TERM_KNOWN, -1};
-    return r;
-}
+using plants::axis_regression;
 
-struct Estimator {
-    std::vector<unsigned char> memory;
-    explicit Estimator(driveid_real type = DRIVEID_F64, driveid_estimator_options options = {}) : memory(driveid_estimator_size("fsm", type)) {
-        char reason[200];
-        const driveid_regression r = axis_regression();
-        options.dt_s = 1e-3;
-        EXPECT_EQ(driveid_estimator_configure(get(), memory.size(), "fsm", type, &r, &options, reason, sizeof reason), DRIVEID_OK) << reason;
-    }
-    driveid_estimator *get() { return reinterpret_cast<driveid_estimator *>(memory.data()); }
+driveid_estimator_options at_1_kHz(driveid_estimator_options o) { return o.dt_s = 1e-3, o; }
+
+struct Estimator : plants::AxisEstimator {
+    explicit Estimator(driveid_real type = DRIVEID_F64, const driveid_estimator_options &options = {}) : AxisEstimator(at_1_kHz(options), "fsm", type) { EXPECT_EQ(reason, ""); }
     driveid_status feed(int64_t t_ns, double theta, double tau) {
         const double channel[2] = {theta, tau};
         return driveid_estimator_update(get(), t_ns, channel);

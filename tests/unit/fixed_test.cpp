@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "axis.hpp"
 #include "plants.hpp"
 #include <driveid/estimate.h>
 #include <driveid/frequency.h>
@@ -18,26 +19,14 @@ extern "C" {
 
 namespace {
 
-driveid_regression axis() {
-    driveid_regression r{};
-    r.equations = 1, r.channels = 2, r.params = 2, r.terms = 3, r.may_be_zero = 2;
-    r.hold[1] = DRIVEID_HOLD_ZERO;
-    r.term[0] = {0, 0, 2, 0, 1};
-    r.term[1] = {0, 0, 1, 1, 1};
-    r.term[2] = {0, 1, 0, DRIVEID_TERM_KNOWN, -1};
-    return r;
+driveid_estimator_options ranged(double theta, double tau) {
+    driveid_estimator_options o{};
+    o.dt_s = 1e-3, o.range[0] = theta, o.range[1] = tau;
+    return o;
 }
 
-struct Estimator {
-    std::vector<unsigned char> memory;
-    Estimator(const char *method, driveid_real type, double range_theta, double range_tau) : memory(driveid_estimator_size(method, type)) {
-        const driveid_regression r = axis();
-        driveid_estimator_options o{};
-        o.dt_s = 1e-3, o.range[0] = range_theta, o.range[1] = range_tau;
-        char reason[300] = "";
-        EXPECT_EQ(driveid_estimator_configure(get(), memory.size(), method, type, &r, &o, reason, sizeof reason), DRIVEID_OK) << reason;
-    }
-    driveid_estimator *get() { return reinterpret_cast<driveid_estimator *>(memory.data()); }
+struct Estimator : plants::AxisEstimator {
+    Estimator(const char *method, driveid_real type, double range_theta, double range_tau) : AxisEstimator(ranged(range_theta, range_tau), method, type) { EXPECT_EQ(reason, ""); }
 };
 
 TEST(Fixed, SaturationIsCounted) {
@@ -56,7 +45,7 @@ TEST(Fixed, SaturationIsCounted) {
 TEST(Fixed, RowsAgainstF64) {
     for (const q31_kind kind : {Q31_FSM, Q31_WINDOW, Q31_DISCRETE}) {
         static q31_state q;
-        const driveid_regression r = axis();
+        const driveid_regression r = plants::axis_regression();
         driveid_estimator_options o{};
         o.dt_s = 1e-3, o.range[0] = 8, o.range[1] = 0.1;
         ASSERT_EQ(q31_configure(&q, kind, &r, &o, nullptr, 0), DRIVEID_OK);
@@ -149,7 +138,7 @@ TEST(Fixed, AnyNumberOfTurnsAndNoSilentOverflow) {
 }
 
 TEST(Fixed, RefusesWhatRoundingRulesOut) {
-    driveid_regression r = axis();
+    driveid_regression r = plants::axis_regression();
     driveid_estimator_options o{};
     o.dt_s = 1e-3;
     char reason[300];

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "axis.hpp"
 #include "plants.hpp"
 #include <driveid/estimate.h>
 
@@ -29,12 +30,10 @@ struct Scene {
 };
 
 driveid_regression axis(bool friction) {
-    driveid_regression r{};
-    r.equations = 1, r.channels = friction ? 4 : 2, r.params = friction ? 4 : 2, r.terms = friction ? 5 : 3, r.may_be_zero = 14;
-    r.hold[1] = DRIVEID_HOLD_ZERO, r.hold[2] = DRIVEID_HOLD_ZERO, r.hold[3] = DRIVEID_HOLD_ZERO;
-    r.term[0] = {0, 0, 2, 0, 1};
-    r.term[1] = {0, 0, 1, 1, 1};
-    r.term[2] = {0, 1, 0, DRIVEID_TERM_KNOWN, -1};
+    driveid_regression r = plants::axis_regression();
+    if (!friction) return r;
+    r.channels = 4, r.params = 4, r.terms = 5, r.may_be_zero = 14;
+    r.hold[2] = r.hold[3] = DRIVEID_HOLD_ZERO;
     r.term[3] = {0, 2, 0, 2, 1};
     r.term[4] = {0, 3, 0, 3, 1};
     return r;

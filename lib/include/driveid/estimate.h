@@ -17,8 +17,8 @@
  *           estimate: see driveid_estimate below. configure: DRIVEID_ERR_CONFIG and a sentence, DRIVEID_ERR_CAPACITY: storage too small.
  * Fixed point  fsm, window, discrete, rls: per unit of options.range in Q30, coefficients Q31, rows int32, sums Q46 in int64, rounding; saturations
  *           counted (driveid_estimator_saturations), a saturated row left out. One sample time. Orders that rounding rules out are refused.
- * Cost      tools/bench (driveid-bench-estimator): docs/benchmark-estimator.md: about 1 microsecond a sample at 1 kHz for two parameters, 3 with the solve; state up to 180 kB, of which
- *           a rigid axis touches about 35 kB; stack up to 100 kB in a solve.
+ * Cost      docs/benchmark-estimator.md (driveid-bench-estimator, tools/bench): below half a microsecond a sample at 1 kHz for two parameters, solves included;
+ *           state up to 163 kB, of which a rigid axis touches about 25 kB; stack below 25 kB ("window", "discrete" and q31: below 64 kB). Many drives: fleet.h.
  * Accuracy  docs/intervals.md (coverage, width over the Cramer-Rao bound); tests/property: online_test, excitation_test, day_test; f32 against
  *           f64 within a quarter of the interval's half-width (tests/unit/estimator_test.cpp). */
 #ifndef DRIVEID_ESTIMATE_H
