@@ -19,6 +19,7 @@ struct Source {
 struct Fine {   // smoothed kinematics of a piece
   std::vector<double> position, speed, accel, raw_speed;
   double speed_noise = 0;
+  std::vector<double> direction;   // -1 .. 1
 };
 
 const driveid_param *parameter(const driveid_model &model, const char *name);

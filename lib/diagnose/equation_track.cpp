@@ -65,6 +65,77 @@ double choose_width(const Source &s) {
   return best * r.dt_s;
 }
 
+namespace {
+
+struct Turning {   // the speed that says when the motion turns round
+  std::vector<double> own;   // by a narrower kernel, where one is used
+  double noise;
+  int half;
+};
+
+// The narrowest kernel whose noise moves a turn less than its width does.
+Turning turning_speed(const Fine &f, double sigma, double dt, const Kernel &narrow) {
+  const bool from_speed = !f.raw_speed.empty();
+  Turning t{{}, sigma * norm2(narrow.w[from_speed ? 0 : 1]), narrow.half};
+  std::vector<double> accel;
+  for (std::size_t k = 1; k < f.speed.size(); ++k)
+    if ((f.speed[k] > 0) != (f.speed[k - 1] > 0)) accel.push_back(std::fabs(f.accel[k]));
+  if (accel.size() < 5) return t;
+  auto mid = accel.begin() + std::ptrdiff_t(accel.size() / 2);
+  std::nth_element(accel.begin(), mid, accel.end());
+  for (int half : {3, 4, 5, 6, 8, 10, 12, 15, 18, 22}) {
+    if (half >= narrow.half) break;
+    const Kernel k = make_kernel(half, dt);
+    const double noise = sigma * norm2(k.w[from_speed ? 0 : 1]);
+    if (noise > 0.15 * half * dt * *mid) continue;
+    t.own = convolve_all(from_speed ? f.raw_speed : f.position, k, from_speed ? 0 : 1);
+    t.noise = noise;
+    t.half = half;
+    break;
+  }
+  return t;
+}
+
+// Dry friction breaks the speed's slope where the motion turns round; smoothing over the break moves the turn towards the flatter side.
+// Both slopes, taken from outside the break and drawn on to zero, meet it: at one instant, or at the two ends of a short rest, over which
+// friction goes from one side to the other.
+void place_turn(const std::vector<double> &v, const Turning &t, std::size_t at, std::vector<double> &direction) {
+  const auto near = std::ptrdiff_t(std::lround(0.6 * t.half)), far = 2 * near, c = std::ptrdiff_t(at), n = std::ptrdiff_t(v.size());
+  if (c - far < 0 || c + far >= n) return;
+  for (std::ptrdiff_t k = c - far; k <= c + far; ++k)
+    if ((v[std::size_t(k)] > 0) != (v[std::size_t(k < c ? c - 1 : c)] > 0)) return;   // another turn close by
+  double zero[2], slope[2];
+  for (int side = 0; side < 2; ++side) {
+    const std::ptrdiff_t a = side ? c + near : c - near, b = side ? c + far : c - far;
+    slope[side] = (v[std::size_t(b)] - v[std::size_t(a)]) / double(b - a);
+    if (slope[side] == 0 || 3 * t.noise > 0.5 * t.half * std::fabs(slope[side])) return;   // drowned in noise
+    zero[side] = double(a) - v[std::size_t(a)] / slope[side];
+  }
+  if (slope[0] * slope[1] <= 0 || std::fabs(zero[0] - zero[1]) > t.half || std::fabs(0.5 * (zero[0] + zero[1]) - double(c)) > t.half) return;
+  if (zero[0] > zero[1]) zero[0] = zero[1] = (slope[0] * slope[0] * zero[0] + slope[1] * slope[1] * zero[1]) / (slope[0] * slope[0] + slope[1] * slope[1]);
+  const double before = v[at - 1] > 0 ? 1 : -1, middle = 0.5 * (zero[0] + zero[1]), width = std::max(1.0, zero[1] - zero[0]);
+  for (std::ptrdiff_t k = c - t.half; k <= c + t.half; ++k)
+    if (k >= 0 && k < n) direction[std::size_t(k)] = before * std::clamp(-2 * (double(k) - middle) / width, -1.0, 1.0);
+}
+
+std::vector<double> directions(const Fine &f, double sigma, double dt, const Kernel &narrow) {
+  const Turning t = turning_speed(f, sigma, dt, narrow);
+  std::vector<double> v = f.speed, direction(v.size());
+  if (!t.own.empty())
+    for (std::size_t k = 0; k < v.size(); ++k)
+      if (std::fabs(t.own[k]) > 2 * t.noise) v[k] = t.own[k];
+  for (std::size_t k = 0; k < v.size(); ++k) {
+    const double a = k ? 0.5 * (v[k] + v[k - 1]) : v[k], b = k + 1 < v.size() ? 0.5 * (v[k] + v[k + 1]) : v[k];
+    if ((a > 0) == (b > 0)) direction[k] = a > 0 ? 1 : -1;
+    else direction[k] = (std::fabs(b) * (b > 0 ? 1 : -1) + std::fabs(a) * (a > 0 ? 1 : -1)) / std::max(1e-300, std::fabs(a) + std::fabs(b));
+  }
+  for (std::size_t k = 1; k < v.size(); ++k)
+    if ((v[k] > 0) != (v[k - 1] > 0)) place_turn(v, t, k, direction);
+  return direction;
+}
+
+}  // namespace
+
 Fine kinematics(const Source &s, const Piece &p, double dt, const Kernel &wide, const Kernel &narrow) {
   Fine f;
   if (!s.roles.position.empty()) {
@@ -80,6 +151,8 @@ Fine kinematics(const Source &s, const Piece &p, double dt, const Kernel &wide, 
     f.position.assign(p.n, 0.0);
     for (std::size_t k = 1; k < p.n; ++k) f.position[k] = f.position[k - 1] + 0.5 * dt * (f.raw_speed[k] + f.raw_speed[k - 1]);
   }
+  const SignalQuality &q = s.record->quality.at(s.roles.position.empty() ? s.roles.speed : s.roles.position);
+  f.direction = directions(f, std::max(q.noise, 0.3 * q.quantum), dt, narrow);
   return f;
 }
 
@@ -112,9 +185,7 @@ void fill_states(Track &t, const Piece &p, const Fine &f, const std::vector<doub
       s.angle = f.position[k];
       s.speed = f.speed[k];
       s.accel = f.accel[k];
-      double a = k ? 0.5 * (f.speed[k] + f.speed[k - 1]) : f.speed[k], b = k + 1 < n ? 0.5 * (f.speed[k] + f.speed[k + 1]) : f.speed[k];
-      if ((a > 0) == (b > 0)) s.direction = a > 0 ? 1 : -1;
-      else s.direction = (std::fabs(b) * (b > 0 ? 1 : -1) + std::fabs(a) * (a > 0 ? 1 : -1)) / std::max(1e-300, std::fabs(a) + std::fabs(b));
+      s.direction = f.direction[k];
     }
     auto at = [&](double index) { return drive[std::size_t(std::clamp(index, 0.0, double(n - 1)))]; };
     s.drive = (1 - part) * at(double(k) - whole) + part * at(double(k) - whole - 1);

@@ -128,7 +128,7 @@ std::vector<Candidate> make_candidates(const Equation &e) {
         case DRIVEID_DIM_DRIVE:
           x.lo = std::min(0.5 * r.drive, std::max(1e-4 * r.drive, is(c, "dead_zone") ? 0.5 * e.input_noise : 0.0));   // inside the input's noise nothing is seen
           x.hi = r.drive;
-          x.grid = linear(std::max(x.lo, 0.02 * r.drive), 0.9 * r.drive, 22);
+          x.grid = is(c, "dead_zone") ? logarithmic(std::max(x.lo, 0.004 * r.drive), 0.9 * r.drive, 22) : linear(std::max(x.lo, 0.02 * r.drive), 0.9 * r.drive, 22);
           break;
         default:
           x.grid = linear(s.lo, s.hi, info->shapes > 2 ? 3 : 5);
@@ -155,8 +155,8 @@ std::vector<Candidate> make_candidates(const Equation &e) {
     } else if (is(c, "backlash")) {
       double hi = 0.35 * kTwoPi / r.dt;
       hi = std::min(hi, kTwoPi * 3 / r.kernel_s);
-      const double least = std::max(1e-5 * range, 3 * e.quantum), most = std::max(4 * least, std::min(0.2, 0.2 * range));
-      axis(least, 2 * most, true, logarithmic(least * 1.5, most, 9));
+      const double least = std::max(1e-5 * range, 3 * e.quantum), most = std::max(4 * least, std::min(0.5, 0.2 * range));
+      axis(least, 2 * most, true, logarithmic(least * 1.5, most, 20));
       axis(kTwoPi * 4, hi, true, logarithmic(kTwoPi * 15, hi, 4));
       axis(0.01, 0.9, true, {0.08, 0.4});
       c.columns = 1;
@@ -185,7 +185,7 @@ bool lawful(const Equation &e, const Candidate &c, const std::vector<double> &sh
   if (!c.info) return true;
   for (Eigen::Index k = 0; k < linear.size(); ++k)
     if (!std::isfinite(linear[k])) return false;
-  if (is(c, "dead_zone") && shape[0] < 3 * e.input_noise) return false;   // it would only swallow the input's noise
+  if (is(c, "dead_zone") && shape[0] < 0.6 * e.input_noise) return false;   // inside the input's noise, however it is averaged
   if (is(c, "compliance") && shape[1] > 0.2) return false;   // what does not ring is a filter, not a spring
   if (is(c, "compliance") || is(c, "backlash")) return linear[0] > 0.01 * inertia && linear[0] < 0.995 * inertia;   // less is no second mass
   if (is(c, "encoder_eccentricity")) return std::hypot(linear[0], linear[1]) < 0.5;

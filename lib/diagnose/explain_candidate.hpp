@@ -51,6 +51,9 @@ bool lawful(const Equation &equation, const Candidate &candidate, const std::vec
 std::vector<double> shape_of(const Equation &equation, const Candidate &candidate, const std::vector<double> &published, double inertia);
 bool subsumes(const Candidate &a, const Candidate &b);
 
+// Samples of the drive that a dead zone of this threshold is judged by.
+int averaged_samples(const Equation &equation, double threshold);
+
 // Load position behind spring, damper and (with gap > 0) clearance, driven by the measured motor position.
 void load_position(const Track &track, double w, double zeta, double gap, std::vector<double> &x);
 
@@ -60,7 +63,8 @@ double noise_ratio(const Equation &equation, const Candidate &candidate, const s
 
 // The same spring seen from the drive: what is to be taken off the target when the input, not the motion, passes through it. A real
 // spring explains both ways; a filter that only smooths the noise of one side does not.
-Eigen::VectorXd spring_on_drive(const Equation &equation, double inertia, double load, double w, double zeta);
+// `losses`: what the motor loses before the spring, per track on the fine grid (empty: nothing).
+Eigen::VectorXd spring_on_drive(const Equation &equation, double inertia, double load, double w, double zeta, const std::vector<std::vector<double>> &losses);
 
 // A smaller equation made of stretches of a large one, for searches.
 Equation thinned(const Equation &equation, std::size_t rows);

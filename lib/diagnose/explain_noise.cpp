@@ -12,11 +12,12 @@ namespace {
 // Inside its threshold a dead zone also swallows the noise of the drive.
 double dead_zone_noise(const Equation &e, double threshold, double inertia, double damping) {
   if (e.electrical || !(e.noise_drive > 0)) return 1;
+  const double inside = 1 - 1 / double(averaged_samples(e, threshold));   // of the noise, where the drive is below the threshold
   double passed = 0, all = 0, kept = 0, square = 0;
   for (const Track &t : e.tracks)
     for (int r : t.row) {
       const double d = t.state[std::size_t(r)].drive, out = d > threshold ? d - threshold : d < -threshold ? d + threshold : 0;
-      passed += out != 0;
+      passed += out != 0 ? 1 : inside;
       all += 1;
       kept += out * d;
       square += d * d;
@@ -95,17 +96,20 @@ double noise_ratio(const Equation &e, const Candidate &c, const std::vector<doub
   return without > 0 ? std::min(1.0, with / without) : 1;   // a candidate that lets more noise through is not rewarded for it
 }
 
-Eigen::VectorXd spring_on_drive(const Equation &e, double inertia, double load, double w, double zeta) {
+Eigen::VectorXd spring_on_drive(const Equation &e, double inertia, double load, double w, double zeta, const std::vector<std::vector<double>> &losses) {
   const double m = std::clamp(load / inertia, 0.0, 0.98);
+  std::size_t track = 0;
   return stack(e, [&](const Track &t, std::vector<double> &f) {
     // (s^2 + 2 zeta w s + w^2) / ((1 - m) s^2 + 2 zeta w s + w^2), trapezoidal
     const double q = 2 / t.dt_s, b0 = q * q + 2 * zeta * w * q + w * w, b1 = 2 * (w * w - q * q), b2 = q * q - 2 * zeta * w * q + w * w;
     const double a0 = (1 - m) * q * q + 2 * zeta * w * q + w * w, a1 = 2 * (w * w - (1 - m) * q * q), a2 = (1 - m) * q * q - 2 * zeta * w * q + w * w;
+    const std::vector<double> *lost = losses.empty() ? nullptr : &losses[track++];
     f.resize(t.state.size());
     if (f.empty()) return;
-    double x1 = t.state[0].torque, x2 = x1, y1 = x1, y2 = x1;
+    auto input = [&](std::size_t k) { return t.state[k].torque - (lost ? (*lost)[k] : 0.0); };
+    double x1 = input(0), x2 = x1, y1 = x1, y2 = x1;
     for (std::size_t k = 0; k < f.size(); ++k) {
-      const double x0 = t.state[k].torque, y0 = (b0 * x0 + b1 * x1 + b2 * x2 - a1 * y1 - a2 * y2) / a0;
+      const double x0 = input(k), y0 = (b0 * x0 + b1 * x1 + b2 * x2 - a1 * y1 - a2 * y2) / a0;
       f[k] = x0 - y0;
       x2 = x1; x1 = x0; y2 = y1; y1 = y0;
     }

@@ -90,6 +90,8 @@ class Search {
   void refine_shape(const View &view, const Candidate &candidate, std::vector<double> &shape, double &best, int rounds) const;
   Option judged(int candidate, const Context &context, const std::vector<double> &shape, const BlockGram::Score &against) const;
   Context context(const std::vector<Member> &members) const;
+  std::vector<std::vector<double>> losses(const std::vector<Member> &members, const Eigen::VectorXd &coefficient) const;
+  double seen_from_drive(const Context &context, const std::vector<double> &shape, const Eigen::VectorXd &coefficient) const;
 
   Equation full_, thin_;
   std::vector<Candidate> candidates_;

@@ -11,7 +11,28 @@ namespace {
 
 bool made_of_drive(const Candidate &c) { return is(c, "torque_saturation") || is(c, "torque_ripple") || is(c, "load_dependent_friction"); }
 
+// What a threshold swallows of the drive, by a drive whose noise is averaged below a third of the threshold: the noise of the reading
+// never went through it.
+Eigen::VectorXd swallowed(const Equation &e, double threshold) {
+  return stack(e, [&](const Track &t, std::vector<double> &x) {
+    const std::ptrdiff_t n = std::ptrdiff_t(t.state.size()), side = (averaged_samples(e, threshold) - 1) / 2;
+    std::vector<double> sum(std::size_t(n) + 1, 0.0);
+    for (std::ptrdiff_t k = 0; k < n; ++k) sum[std::size_t(k) + 1] = sum[std::size_t(k)] + t.state[std::size_t(k)].drive;
+    x.resize(std::size_t(n));
+    for (std::ptrdiff_t k = 0; k < n; ++k) {
+      const std::ptrdiff_t a = std::max<std::ptrdiff_t>(0, k - side), b = std::min(n, k + side + 1);
+      x[std::size_t(k)] = t.state[std::size_t(k)].gain * std::clamp((sum[std::size_t(b)] - sum[std::size_t(a)]) / double(b - a), -threshold, threshold);
+    }
+  }, 0);
+}
+
 }  // namespace
+
+int averaged_samples(const Equation &e, double threshold) {
+  const double ratio = 3 * e.input_noise / std::max(threshold, 1e-300);
+  const int most = e.tracks.empty() ? 1 : 2 * e.tracks[0].kernel.half + 1;
+  return ratio * ratio >= most ? most : 2 * int(0.5 * ratio * ratio) + 1;
+}
 
 // Load position behind spring, damper and (with gap > 0) clearance, driven by the measured motor position. Written without
 // the motor's speed: with q = x' - 2 zeta w theta the drive enters undifferentiated.
@@ -121,7 +142,7 @@ Term realise(const Equation &e, const Candidate &c, const std::vector<double> &s
       }, 0);
     return term;
   }
-  Eigen::MatrixXd m = effect_columns(e, *c.info, shape.data());
+  Eigen::MatrixXd m = is(c, "dead_zone") ? Eigen::MatrixXd(swallowed(e, shape[0])) : effect_columns(e, *c.info, shape.data());
   if (c.info->fixed & 1) {
     // The scale of the drive is free beside inertia and damping: what remains of it is brought back to its old size,
     // lest a threshold that swallows the whole drive count as a perfect explanation.
