@@ -28,6 +28,7 @@ namespace {
 constexpr double kNeverPinned = 1e9;
 constexpr int kPlain = 3, kFilters = 3;          // iterations before the first filter; those that choose one
 constexpr double kConverged = 0.05;                // steps of so many standard deviations end the iteration
+constexpr double kPartOfScale = 0.3;            // of FreeParam::scale, least step of the agreement
 constexpr int kSkew = -2;                       // FreeParam::effect of the nuisance skew
 
 struct Point {                                  // what is moved
@@ -422,19 +423,24 @@ std::vector<Eigen::VectorXd> scores(const Fitting &f, const Linear &lin) {
 }
 
 // How alike a step up and a step down are, by parameter: 1 where the differences are derivatives; towards 0 where the simulation sticks and slips at the
-// bidding of a noisy input, so that a step only moves it to another chance, and the information in the differences is as imaginary.
-Eigen::VectorXd agreement(const Fitting &f, const Point &point, const Stack &base, const Linear &lin) {
+// bidding of a noisy input, so that a step only moves it to another chance, and the information in the differences is as imaginary. Steps are at
+// least a part of what was not known at the start: between two chances everything is smooth.
+Eigen::VectorXd agreement(const Fitting &fitted, const Point &point, const Stack &base, const Linear &lin) {
   const Eigen::Index P = lin.A.rows();
-  std::vector<Stack> back = lin.columns;
-  Eigen::VectorXd both = Eigen::VectorXd::Zero(P), down = Eigen::VectorXd::Zero(P), alike = Eigen::VectorXd::Ones(P);
-  if (!columns(f, point, base, back, true)) return Eigen::VectorXd::Zero(P);
+  Fitting f = fitted;
+  for (std::size_t k = 0; k < f.free.size(); k++) f.step[k] = std::max(f.step[k], kPartOfScale * f.free[k].scale);
+  std::vector<Stack> up = lin.columns, down = lin.columns;
+  if (!columns(f, point, base, up) || !columns(f, point, base, down, true)) return Eigen::VectorXd::Zero(P);
+  Eigen::VectorXd both = Eigen::VectorXd::Zero(P), ups = both, downs = both, alike = Eigen::VectorXd::Ones(P);
   for (std::size_t w = 0; w < f.windows.size(); w++) {
-    const Local l = localise(f, w, base, back);
-    both += lin.local[w].weight * l.Jp.cwiseProduct(lin.local[w].Jp).colwise().sum().transpose();
-    down += lin.local[w].weight * l.Jp.colwise().squaredNorm().transpose();
+    const Local u = localise(f, w, base, up), d = localise(f, w, base, down);
+    const double weight = lin.local[w].weight;
+    both += weight * u.Jp.cwiseProduct(d.Jp).colwise().sum().transpose();
+    ups += weight * u.Jp.colwise().squaredNorm().transpose();
+    downs += weight * d.Jp.colwise().squaredNorm().transpose();
   }
   for (Eigen::Index k = 0; k < P; k++)
-    if (down[k] > 0) alike[k] = std::clamp(both[k] / std::sqrt(down[k] * std::max(lin.A(k, k), 1e-300)), 0.0, 1.0);
+    if (ups[k] > 0 && downs[k] > 0) alike[k] = std::clamp(both[k] / std::sqrt(ups[k] * downs[k]), 0.0, 1.0);
   return alike;
 }
 

@@ -297,7 +297,7 @@ std::string name_of(const Objective &o) {
 }
 
 constexpr double kAsGood = 0.15;     // objectives whose errors on kept-aside stretches differ by less (log) predict alike
-constexpr double kWorthIt = 0.20;    // an objective without honest intervals must predict kept-aside stretches that much better
+constexpr double kWorthIt = 0.10;    // an objective without honest intervals must predict kept-aside stretches that much better
 
 constexpr double kLeaves = 2;         // half-widths
 constexpr double kDerivatives = 0.5;  // agreement of steps up and down, below which a window is too long for a simulation that sticks and slips with a noisy input
@@ -365,7 +365,7 @@ std::vector<Trial> try_objectives(FitOutcome &outcome, const Part &part, const D
       return trials;
     }
     const auto r = refine(start, part, data.training, objective, free, 12, data.free_skew);
-    if (!r || (objective.whiten && r->agreement < kDerivatives && options.window_s < 0)) continue;
+    if (!r || (r->agreement < kDerivatives && options.window_s < 0)) continue;
     Trial t{name_of(objective), objective, r->model, judge(r->model, part, data.judged)};
     if (trials.empty() || t.score < trials.back().score + 0.5) start = t.model;
     trials.push_back(t);
