@@ -9,7 +9,7 @@
 #define ROWS_FIRST 10.0      /* coarse rows beyond the unknowns before anything is said */
 #define ROWS_LATER 50.0      /* and before a prefiltered stage is believed */
 #define SCALE_LEAST 1e-6     /* of the known side's mean square must be its own */
-#define EXCESS 1.3           /* output noise may weigh so much more at low frequency than at high, behind a prefilter */
+#define EXCESS 2.0           /* output noise may weigh so much more at low frequency than at high, behind a prefilter */
 
 void fsm_solve_initial(const fsm_equation *q, const double *s, double small, double *solved) {
     double a[DRIVEID_ORDER_MAX * DRIVEID_ORDER_MAX] = {0}, inverse[DRIVEID_ORDER_MAX * DRIVEID_ORDER_MAX], pivot[DRIVEID_ORDER_MAX];
@@ -177,7 +177,36 @@ static int lags_needed(const double *r, double rows) {
     return wanted < FSM_LAGS ? (wanted < most ? wanted : most) : (FSM_LAGS < most ? FSM_LAGS : most);
 }
 
+/* Noise of the differentiated channel reaches the residual as |A(jw)|^2 / (w^2 + pole^2)^n. Where that rises towards low frequency the lags kept here are
+ * too short to see all of it: how often its level at high frequency it reaches, 1 where it does not rise. */
+static double noise_excess(const driveid_svf_common *common, int e, double pole_rad_s, const double *theta) {
+    const driveid_regression *r = &common->regression;
+    const int order = common->equation[e].order;
+    double a[DRIVEID_ORDER_MAX + 1] = {0};
+    int channel = -1;
+    for (int i = 0; i < r->terms; i++)
+        if (r->term[i].equation == e && r->term[i].derivative == order) channel = r->term[i].channel;
+    for (int i = 0; i < r->terms; i++) {
+        const driveid_term *t = &r->term[i];
+        if (t->equation == e && t->channel == channel) a[t->derivative] += t->factor * (t->param == DRIVEID_TERM_KNOWN ? 1 : theta[t->param]);
+    }
+    double excess = 1;
+    for (double w = 0.1 * pole_rad_s; w < 5 * pole_rad_s; w *= 2) {
+        double re = 0, im = 0, power = 1, gain = 1;
+        for (int i = 0; i <= order; i++, power *= w) {
+            if (i & 1) im += (i & 2 ? -1 : 1) * a[i] * power;
+            else re += (i & 2 ? -1 : 1) * a[i] * power;
+        }
+        for (int i = 0; i < common->sections - 2; i++) gain *= w * w + pole_rad_s * pole_rad_s;
+        const int flat = common->sections - 2 == order;
+        const double plateau = flat ? a[order] * a[order] : 0;
+        excess = fmax(excess, (re * re + im * im) / (plateau * gain));
+    }
+    return excess;
+}
+
 /* Long-run covariance of one equation's score, into score[params^2] (theta order): sum of r(lag) Gamma(lag), Parzen window.
+ * Where the noise rises towards low frequency the regressors meet something between its levels: the geometric mean is taken.
  * What the fit takes out of the residual it takes out near the regressors' own frequencies, so the window's band, not the whole record,
  * pays for the unknowns. Returns the degrees of freedom left. */
 static double add_score(const driveid_svf_common *common, const fsm_sums *sums, int e, int *settled, int instruments, double variance, const double *theta, double *score) {
@@ -191,7 +220,8 @@ static double add_score(const driveid_svf_common *common, const fsm_sums *sums, 
     for (int lag = FSM_LAGS / 4; lag < FSM_LAGS; lag++) tail += r[lag] / (FSM_LAGS - FSM_LAGS / 4);
     *settled = tail < 0.12 * r[0];
     const double band = fmin(rows, 3.7 * rows / lags), freedom = fmax(1, band - q->params - q->order);
-    const double scale = band / freedom / (coarse * coarse * variance * variance);
+    const double rise = sums->pole_rad_s > 0 ? sqrt(fmin(noise_excess(common, e, sums->pole_rad_s, theta), EXCESS)) : 1;
+    const double scale = rise * band / freedom / (coarse * coarse * variance * variance);
     const double replaced = q->output >= 0 && sums->s[n * n - 1] > 0 ? sqrt(sums->s[q->output * n + q->output] / sums->s[n * n - 1]) : 1;
     double share[FSM_LAGS] = {0};
     for (int lag = 0; lag < lags; lag++) share[lag] = (lag ? 1 : 0.5) * parzen((double)lag / lags) * r[lag] * scale;
@@ -236,33 +266,6 @@ static void shares(const driveid_svf_common *common, const fsm_sums *sums, fsm_s
     }
 }
 
-/* Noise of the differentiated channel reaches the residual as |A(jw)|^2 / (w^2 + pole^2)^n. Where that rises towards low frequency the lags
- * kept here are too short to see it and the interval would be too narrow: such a stage is left out. */
-static int noise_rises(const driveid_svf_common *common, int e, double pole_rad_s, const double *theta) {
-    const driveid_regression *r = &common->regression;
-    const int order = common->equation[e].order;
-    double a[DRIVEID_ORDER_MAX + 1] = {0};
-    int channel = -1;
-    for (int i = 0; i < r->terms; i++)
-        if (r->term[i].equation == e && r->term[i].derivative == order) channel = r->term[i].channel;
-    for (int i = 0; i < r->terms; i++) {
-        const driveid_term *t = &r->term[i];
-        if (t->equation == e && t->channel == channel) a[t->derivative] += t->factor * (t->param == DRIVEID_TERM_KNOWN ? 1 : theta[t->param]);
-    }
-    for (double w = 0.1 * pole_rad_s; w < 5 * pole_rad_s; w *= 2) {
-        double re = 0, im = 0, power = 1, gain = 1;
-        for (int i = 0; i <= order; i++, power *= w) {
-            if (i & 1) im += (i & 2 ? -1 : 1) * a[i] * power;
-            else re += (i & 2 ? -1 : 1) * a[i] * power;
-        }
-        for (int i = 0; i < common->sections - 2; i++) gain *= w * w + pole_rad_s * pole_rad_s;
-        const int flat = common->sections - 2 == order;
-        const double plateau = flat ? a[order] * a[order] : 0;
-        if (re * re + im * im > EXCESS * plateau * gain) return 1;
-    }
-    return 0;
-}
-
 int fsm_enough(const driveid_svf_common *common, int e, const fsm_sums *sums) {
     const fsm_equation *q = &common->equation[e];
     return sums->rows >= q->params + q->order + (sums->pole_rad_s > 0 ? ROWS_LATER : ROWS_FIRST);
@@ -284,7 +287,7 @@ double fsm_score(const driveid_svf_common *common, int e, const fsm_sums *sums, 
             own[q->param[i]] = 0;
             for (int j = 0; j < n - 1; j++) own[q->param[i]] += inverse[i * (n - 1) + j] * sums->s[j * n + n - 1];
         }
-    if (sums->pole_rad_s > 0 && noise_rises(common, e, sums->pole_rad_s, own)) return INFINITY;
+    if (sums->pole_rad_s > 0 && !(noise_excess(common, e, sums->pole_rad_s, own) < EXCESS)) return INFINITY;
     add_score(common, sums, e, &settled, 0, 1, own, score);
     if (sums->pole_rad_s > 0 && !settled) return INFINITY;
     double total = 0;
