@@ -64,6 +64,29 @@ def server(gateway, tmp_path_factory):
     server.stop()
 
 
+# A dashed line of the selection's colour from top to bottom of the first plot: dashes over a quarter of some column of its canvas.
+MARK_IS_DRAWN = """(() => {
+  const plot = document.querySelector('.uplot canvas'), { width, height } = plot;
+  const own = Object.assign(document.createElement('canvas'), { width, height }), c = own.getContext('2d', { willReadFrequently: true });
+  c.fillStyle = getComputedStyle(document.body).getPropertyValue('--select');
+  c.fillRect(0, 0, 1, 1);
+  const [r, g, b] = c.getImageData(0, 0, 1, 1).data;
+  c.clearRect(0, 0, 1, 1);
+  c.drawImage(plot, 0, 0);
+  const pixels = c.getImageData(0, 0, width, height).data;
+  let most = 0;
+  for (let x = 0; x < width; x++) {
+    let hits = 0;
+    for (let y = 0; y < height; y++) {
+      const k = 4 * (y * width + x);
+      if (pixels[k + 3] > 60 && Math.abs(pixels[k] - r) + Math.abs(pixels[k + 1] - g) + Math.abs(pixels[k + 2] - b) < 60) hits++;
+    }
+    most = Math.max(most, hits);
+  }
+  return most > height / 4;
+})()"""
+
+
 def test_live_page_streams_records_marks_and_survives_a_dead_daemon(chromium, server, gateway):
     screen = Screen(chromium, server)
     screen.page.goto(f"{server.base}/live")
@@ -78,6 +101,7 @@ def test_live_page_streams_records_marks_and_survives_a_dead_daemon(chromium, se
     screen.page.on("dialog", lambda d: d.accept("half way"))
     screen.page.get_by_role("button", name="Mark").click()
     screen.until("document.querySelector('.events').textContent.includes('half way')", 10)
+    screen.until(MARK_IS_DRAWN, 10)
     screen.page.get_by_text("Stop recording").click()
     screen.until("document.querySelector('.events').textContent.includes('entries in')", 10)
     assert list((gateway.config.parent / "rec").glob("workbench-*.drec"))

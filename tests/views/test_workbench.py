@@ -156,6 +156,36 @@ def test_zoom_asks_for_detail_and_stays_in_the_address(screen):
     screen.until("!location.search.includes('t=')", 10)
 
 
+def test_two_fingers_zoom_and_one_moves(screen):
+    """Real touches, sent through the browser's own protocol: the gestures that the page's listeners see on a tablet."""
+    screen.go("compare", t="4,12")
+    screen.until(READY["compare"], 120)
+    over = screen.page.locator(".u-over").first.bounding_box()
+    touch = screen.context.new_cdp_session(screen.page)
+
+    def send(kind: str, *parts: float) -> None:
+        touch.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": [{"x": over["x"] + over["width"] * part, "y": over["y"] + 60, "id": k} for k, part in enumerate(parts)]})
+
+    def shown() -> tuple[float, float]:
+        begin, end = screen.page.evaluate("new URLSearchParams(location.search).get('t')").split(",")
+        return float(begin), float(end)
+
+    send("touchStart", 0.4, 0.6)
+    for k in range(1, 6):
+        send("touchMove", 0.4 - 0.04 * k, 0.6 + 0.04 * k)
+    send("touchEnd")
+    screen.until("(([a, b]) => b - a < 5)(new URLSearchParams(location.search).get('t').split(',').map(Number))", 10)
+    begin, end = shown()
+    assert 2.0 < end - begin < 4.0 and abs((begin + end) / 2 - 8) < 0.6, (begin, end)  # fingers three times as far apart: a third of 8 s, about the same middle
+    send("touchStart", 0.7)
+    for k in range(1, 6):
+        send("touchMove", 0.7 - 0.08 * k)
+    send("touchEnd")
+    screen.until(f"Number(new URLSearchParams(location.search).get('t').split(',')[0]) > {begin} + 0.5", 10)
+    moved = shown()
+    assert abs((moved[1] - moved[0]) - (end - begin)) < 0.02 * (end - begin) and abs(moved[0] - begin - 0.4 * (end - begin)) < 0.15 * (end - begin), (begin, end, moved)
+
+
 def test_side_by_side_and_several_models(screen):
     screen.go("compare", add="coulomb", r="0%2B1", models="0,1")
     screen.until("document.querySelectorAll('.uplot').length === 4", 120)
