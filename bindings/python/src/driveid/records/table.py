@@ -16,7 +16,7 @@ HOLDS = ("average", "zoh", "instant")
 _RUN_NAMES = ("run", "run_id", "trial", "segment", "episode")
 _TIME_NAMES = ("t", "time", "timestamp", "time_s")
 # A static curve has no time: each of its rows stands for this many samples at rest, and a silence to the next.
-_STEADY_ROWS, _STEADY_DT_NS, _STEADY_GAP_NS = 50, 20_000_000, 10_000_000_000
+_STEADY_ROWS, _STEADY_DT_NS, _STEADY_GAP_NS = 200, 20_000_000, 10_000_000_000
 
 
 @dataclass
