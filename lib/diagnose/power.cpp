@@ -1,11 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 // Detection power on the user's own record: what would have been found?
 //
-// The fitted model's equation keeps its own noise; to it the residual of one effect is added at a growing size, as the effect would have made
-// the drive work against it, and the search of explain looks for it. The smallest size that is accepted is first located by the search's own test
+// The fitted model's equation keeps its own noise, less what explain finds in it and with nothing regular left; to it the residual of one effect is
+// added at a growing size, as the effect would have made the drive work against it, and the search of explain looks for it. The smallest size that is accepted is first located by the search's own test
 // of that effect alone, then confirmed by the whole question (the effect, what it is confused with, what the model has): right name first, or tied.
 #include <algorithm>
+#include <atomic>
 #include <cmath>
+#include <cstdint>
+#include <exception>
+#include <mutex>
+#include <thread>
 
 #include <driveid/diagnose.h>
 
@@ -20,6 +25,9 @@ using nlohmann::ordered_json;
 
 constexpr double kWorth = 12;      // as explain: log-likelihood beyond its cost
 constexpr int kSteps = 7;          // halvings of the logarithmic range
+constexpr int kRounds = 3;         // of explaining what the record has already
+constexpr int kStretches = 100;    // of the remaining noise
+constexpr double kClimb = 0.7;     // from the size that is found alone to the one that is named: steps of a factor of two
 
 struct Injection {
   Eigen::VectorXd force;           // raw rows, added to the target
@@ -65,20 +73,31 @@ Injection inject(const Equation &e, const Candidate &c, const Nominal &nominal, 
   return out;
 }
 
-bool found_alone(const Equation &clean, const Candidate &c, const Injection &injected, const std::vector<Candidate> &candidates, const std::vector<Member> &members, int index, int threads) {
-  Equation e = clean;
+// What every injection starts from: the equation with nothing left that explain finds, its candidates, and what the model has.
+struct Bench {
+  Equation clean;
+  std::vector<Candidate> candidates;
+  std::vector<Member> members;
+  Nominal nominal;
+  double floor_lo = 0, floor = 0;
+};
+
+bool found_alone(const Bench &b, const Injection &injected, int index) {
+  const Candidate &c = b.candidates[std::size_t(index)];
+  Equation e = b.clean;
   e.y += injected.force;
-  Search search(e, candidates, threads);
-  Option o = c.axis.empty() ? search.refine(index, members, {}) : search.refine(index, members, middle_shape(c));
+  Search search(e, b.candidates, 1);
+  Option o = c.axis.empty() ? search.refine(index, b.members, {}) : search.refine(index, b.members, middle_shape(c));
   return o.possible && o.worth() > kWorth && o.held_gain > 0;
 }
 
 // The question as explain asks it, among the effect, its rivals and the model's own.
-bool found_first(const Equation &clean, const driveid_model &model, const Candidate &c, const Injection &injected, int threads) {
-  Equation e = clean;
+bool found_first(const Bench &b, const driveid_model &model, const Candidate &c, const Injection &injected) {
+  Equation e = b.clean;
   e.y += injected.force;
   Settings settings;
-  settings.threads = threads;
+  settings.threads = 1;
+  settings.most_effects = 2;
   settings.effects = {c.name};
   for (int k = 0; c.info && k < DRIVEID_EFFECT_NAMES_MAX && c.info->confused_with[k]; k++) settings.effects.push_back(c.info->confused_with[k]);
   for (uint32_t k = 0; k < model.effects; k++) settings.effects.push_back(model.effect[k].name);
@@ -101,32 +120,33 @@ ordered_json published_json(const Equation &e, const Candidate &c, const std::ve
   return out;
 }
 
-ordered_json smallest(const Equation &clean, const driveid_model &model, const std::vector<Candidate> &candidates, const std::vector<Member> &members, const Nominal &nominal, int index, double floor, int threads) {
-  const Candidate &c = candidates[std::size_t(index)];
-  ordered_json entry = {{"effect", c.name}, {"equation", clean.signal}};
+ordered_json hidden(ordered_json entry, const Candidate &c, const char *why) {
+  entry["found"] = false;
+  entry["why"] = std::string(why) + (c.info ? std::string("; record: ") + c.info->separated_by : "");
+  return entry;
+}
+
+ordered_json smallest(const Bench &b, const driveid_model &model, int index) {
+  const Candidate &c = b.candidates[std::size_t(index)];
+  ordered_json entry = {{"effect", c.name}, {"equation", b.clean.signal}};
+  auto at = [&](double log_size) { return inject(b.clean, c, b.nominal, std::exp(std::min(0.0, log_size))); };
   double lo = std::log(1e-5), hi = 0;
-  if (!found_alone(clean, c, inject(clean, c, nominal, 1.0), candidates, members, index, threads)) {
-    entry["found"] = false;
-    entry["why"] = c.info ? std::string("this motion does not show it at any size; record: ") + c.info->separated_by : "this motion does not show it";
-    return entry;
-  }
+  if (!found_alone(b, at(0), index)) return hidden(entry, c, "this motion does not show it at any size");
   for (int k = 0; k < kSteps; k++) {
     const double middle = 0.5 * (lo + hi);
-    (found_alone(clean, c, inject(clean, c, nominal, std::exp(middle)), candidates, members, index, threads) ? hi : lo) = middle;
+    (found_alone(b, at(middle), index) ? hi : lo) = middle;
   }
-  for (int k = 0; k < 5; k++, hi += 0.4) {
-    const Injection injected = inject(clean, c, nominal, std::exp(std::min(0.0, hi)));
-    if (!found_first(clean, model, c, injected, threads)) continue;
-    const double rms = std::sqrt(injected.force.squaredNorm() / double(clean.rows));
-    entry["found"] = true;
-    entry["smallest"] = published_json(clean, c, injected.published);
-    entry["rms"] = rms;
-    entry["unit"] = clean.unit;
-    entry["times_floor"] = floor > 0 ? ordered_json(rms / floor) : ordered_json(nullptr);
-    return entry;
+  while (!found_first(b, model, c, at(hi))) {
+    if (hi >= 0) return hidden(entry, c, "it would be taken for something else in this motion");
+    hi += kClimb;
   }
-  entry["found"] = false;
-  entry["why"] = c.info ? std::string("it would be taken for something else in this motion; record: ") + c.info->separated_by : "it would be taken for something else";
+  const Injection injected = at(hi);
+  const double rms = std::sqrt(injected.force.squaredNorm() / double(b.clean.rows));
+  entry["found"] = true;
+  entry["smallest"] = published_json(b.clean, c, injected.published);
+  entry["rms"] = rms;
+  entry["unit"] = b.clean.unit;
+  entry["times_floor"] = b.floor > 0 ? ordered_json(rms / b.floor) : ordered_json(nullptr);
   return entry;
 }
 
@@ -137,39 +157,94 @@ bool wanted(const Task &task, const std::string &name) {
   return false;
 }
 
+// The noise that stays, with the sign of every other stretch or so turned: as large and as coloured, and nothing in it goes with the motion any more.
+Eigen::VectorXd turned(const Eigen::VectorXd &residual) {
+  Eigen::VectorXd out = residual;
+  const Eigen::Index stretch = std::max<Eigen::Index>(20, out.size() / kStretches);
+  std::uint64_t state = 1;
+  for (Eigen::Index k = 0; k < out.size(); k += stretch) {
+    state = state * 6364136223846793005u + 1442695040888963407u;
+    if (state >> 63) out.segment(k, std::min(stretch, out.size() - k)) *= -1;
+  }
+  return out;
+}
+
+Bench make_bench(Equation e, const driveid_model &model, int threads) {
+  const Floor floor = find_floor(e, make_families(e));
+  Bench b;
+  b.floor = std::max(floor.lo, floor.hi);
+  b.floor_lo = std::min(floor.lo, floor.hi);
+  b.clean = std::move(e);
+  for (int round = 0; round < kRounds; round++) {   // what explain finds already is not to be found again
+    std::vector<Notice> notices;
+    Settings settings;
+    settings.threads = threads;
+    const Analysis present = analyse(b.clean, model, settings, notices);
+    b.candidates = present.search->candidates();
+    b.nominal = present.search->nominal();
+    b.members.clear();
+    for (const Member &m : present.chosen)
+      if (m.kept) b.members.push_back(m);
+    if (present.before.residual.size() != present.after.residual.size()) break;
+    b.clean.y -= present.before.residual - present.after.residual;
+    if (present.found.empty() || round + 1 == kRounds) {
+      b.clean.y += turned(present.after.residual) - present.after.residual;
+      break;
+    }
+  }
+  return b;
+}
+
+// Each effect by itself, shared out among the threads; this one reports.
+std::vector<ordered_json> smallest_of_each(const Bench &b, const driveid_model &model, const std::vector<int> &asked, Task &task, double from, double to) {
+  std::vector<ordered_json> out(asked.size());
+  std::atomic<std::size_t> next{0};
+  std::atomic<bool> stop{false};
+  std::exception_ptr failure;
+  std::mutex lock;
+  auto work = [&](bool reports) {
+    try {
+      for (std::size_t k = next++; k < asked.size() && !stop; k = next++) {
+        if (reports && !task.tick(from + (to - from) * double(k) / double(asked.size()), b.candidates[std::size_t(asked[k])].name.c_str())) stop = true;
+        else out[k] = smallest(b, model, asked[k]);
+      }
+    } catch (...) {
+      const std::lock_guard guard(lock);
+      failure = std::current_exception();
+      stop = true;
+    }
+  };
+  std::vector<std::thread> pool;
+  for (int k = 1; k < std::clamp(task.threads, 1, 16); k++) pool.emplace_back(work, false);
+  work(true);
+  for (std::thread &t : pool) t.join();
+  if (failure) std::rethrow_exception(failure);
+  if (stop) throw Cancelled{};
+  return out;
+}
+
 void power(Task &task, ordered_json &document) {
   FitOptions options;
   options.threads = task.threads;
   options.refine = false;
   const FitOutcome fitted = fit_model(task.model, task.training, {}, options);
   if (!fitted.bad.empty()) throw BadData(fitted.bad);
-  EquationSet set = make_equations(fitted.model, task.training, {});
+  const EquationSet set = make_equations(fitted.model, task.training, {});
   if (!set.bad.empty()) throw BadData(set.bad);
   document["effects"] = ordered_json::array();
-  std::size_t done = 0, all = 0;
-  for (const Equation &e : set.equation) all += make_candidates(e).size();
-  for (Equation &e : set.equation) {
-    const Floor floor = find_floor(e, make_families(e));
-    Equation clean = e;
-    const Eigen::VectorXd residual = equation_residual(e, fitted.model);
-    clean.y = e.y;
-    std::vector<Notice> notices;
-    Settings settings;
-    settings.threads = task.threads;
-    const Analysis present = analyse(clean, fitted.model, settings, notices);
-    clean.y -= residual - (present.after.residual.size() == residual.size() ? present.after.residual : residual);   // what explain finds already is not to be found again
-    const std::vector<Candidate> &candidates = present.search->candidates();
-    std::vector<Member> members;
-    for (const Member &m : present.chosen)
-      if (m.kept) members.push_back(m);
-    for (std::size_t k = 0; k < candidates.size(); k++, done++) {
-      if (!task.tick(double(done) / double(std::max<std::size_t>(1, all)), candidates[k].name.c_str())) throw Cancelled{};
-      bool in_model = false;
-      for (const Member &m : members) in_model = in_model || m.candidate == int(k);
-      if (in_model || !wanted(task, candidates[k].name)) continue;
-      document["effects"].push_back(smallest(clean, fitted.model, candidates, members, present.search->nominal(), int(k), std::max(floor.lo, floor.hi), task.threads));
+  double done = 0;
+  for (const Equation &e : set.equation) {
+    if (!task.tick(done, "what is there already")) throw Cancelled{};
+    const Bench b = make_bench(e, fitted.model, task.threads);
+    std::vector<int> asked;
+    for (std::size_t k = 0; k < b.candidates.size(); k++) {
+      const bool in_model = std::any_of(b.members.begin(), b.members.end(), [&](const Member &m) { return m.candidate == int(k); });
+      if (!in_model && wanted(task, b.candidates[k].name)) asked.push_back(int(k));
     }
-    document["noise_floor"].push_back({{"equation", e.signal}, {"unit", e.unit}, {"noise_floor", {std::min(floor.lo, floor.hi), floor.hi}}});
+    const double share = 1.0 / double(set.equation.size());
+    for (ordered_json &entry : smallest_of_each(b, fitted.model, asked, task, done + 0.1 * share, done + share)) document["effects"].push_back(std::move(entry));
+    done += share;
+    document["noise_floor"].push_back({{"equation", e.signal}, {"unit", e.unit}, {"noise_floor", {b.floor_lo, b.floor}}});
   }
   task.tick(1.0, "done");
 }
