@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Build the amalgamated core for Cortex-M, run it under qemu, and measure it.
 
-    python tests/target/target.py     writes docs/target.md
+    python tests/target/target.py     writes docs/target.md and the table in README.md
 """
 import functools
 import re
@@ -17,6 +17,7 @@ CPUS = {"Cortex-M4F": ["-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=
 # one equation of a few parameters, for 16 KiB of memory
 SMALL = {"DRIVEID_THETA_MAX": 4, "DRIVEID_EQUATIONS_MAX": 1, "DRIVEID_CHANNELS_MAX": 4, "DRIVEID_TERMS_MAX": 6, "DRIVEID_Q31_POOL": 320, "DRIVEID_Q31_RING": 256,
          "DRIVEID_Q31_WEIGHTS": 512, "RUN_BYTES": 9216}
+BEGIN, END = "<!-- made by tests/target/target.py -->\n", "<!-- end -->\n"
 QEMU = ["qemu-system-arm", "-M", "mps2-an386", "-nographic", "-monitor", "none", "-serial", "none", "-semihosting-config", "enable=on,target=native"]
 
 
@@ -130,8 +131,31 @@ def write(path):
     lines += [f"| {cpu} | {method} | {kind} | {state} | {count} |" for cpu, method, kind, state, count in rows if kind]
     lines += ["", "| core | code of all methods and types, bytes | largest frame of a function, bytes |", "|---|---|---|"]
     lines += [f"| {cpu} | {size} | {frame[0]} (`{frame[1]}`) |" for cpu, _, kind, size, frame in rows if not kind]
+    lines += ["", "## Fixed point", "", "What q31 refuses, with the reason that `configure` gives (tests/unit/fixed_test.cpp):", "",
+              "| method | carries | refused | why |", "|---|---|---|---|",
+              "| fsm, rls | up to third derivatives | fourth and higher | the rounding of a filter state comes back (bandwidth/omega)^order larger |",
+              "| window, discrete | up to fifth derivatives | sixth | the weights cancel beyond |",
+              "| all | a declared range of every channel, one sample time | a channel without range; stamps that jitter by an eighth become a gap | counts need a scale; the coefficients are made once |",
+              "| kalman, adm | nothing | always | the covariance, and a filter that grows, need floating point |", "",
+              "Filters, rows and sums of q31 are integers and call no libm (checked in the object code). Two things are f64 with libm, in software where the core has none: the coefficients at",
+              "configure, and the solve at the rate of answers (`answer_s`, here every 20 ms); most of the instructions above are its. f32 keeps its sums in f64 as well."]
     Path(path).write_text("\n".join(lines) + "\n")
+    return rows
+
+
+def short(rows):
+    """README's table: the frequency-shifting estimator."""
+    lines = ["| core | type | state, bytes | instructions a sample | code of all methods, bytes |", "|---|---|---|---|---|"]
+    code = {cpu: size for cpu, _, kind, size, _ in rows if not kind}
+    return lines + [f"| {cpu} | {kind} | {state} | {count} | {code[cpu]} |" for cpu, method, kind, state, count in rows if method == "fsm"]
+
+
+def readme(rows):
+    path = TOP / "README.md"
+    text = path.read_text()
+    head, rest = text.split(BEGIN)
+    path.write_text(head + BEGIN + "\n".join(short(rows)) + "\n" + END + rest.split(END)[1])
 
 
 if __name__ == "__main__":
-    write(sys.argv[1] if len(sys.argv) > 1 else TOP / "docs/target.md")
+    readme(write(TOP / "docs/target.md"))
