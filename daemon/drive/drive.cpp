@@ -48,7 +48,7 @@ void Drive::take(const Drive& o) {
     counters_ = o.counters_;
     first_ns_ = o.first_ns_, last_ns_ = o.last_ns_, next_report_ns_ = o.next_report_ns_, first_after_restart_ns_ = o.first_after_restart_ns_;
     mean_dt_s_ = o.mean_dt_s_, jitter_ns_ = o.jitter_ns_, first_trusted_s_ = o.first_trusted_s_;
-    restarts_seen_ = o.restarts_seen_, restarted_ = o.restarted_, alarm_ = o.alarm_, alarm_since_ns_ = o.alarm_since_ns_, likely_ = o.likely_;
+    restarts_seen_ = o.restarts_seen_, restarted_ = o.restarted_, alarm_ = o.alarm_, alarm_since_ns_ = o.alarm_since_ns_, likely_ = o.likely_, withheld_ = o.withheld_;
 }
 
 // With a watch the residual is that of the loaded model's torque or force balance, else the estimator's first equation.
@@ -278,6 +278,9 @@ void Drive::residual_alarm(const driveid_estimate& e) {
     restarts_seen_ = e.restarts;
 }
 
+// What the estimator follows with the model that it has; any other effect bends its parameters.
+static bool is_change_of_parameter(const char* effect) { return std::strcmp(effect, "inertia_change") == 0 || std::strcmp(effect, "friction_drift") == 0; }
+
 // One alarm: the loaded model does not explain the drive, or, where nothing watches yet, the estimator has restarted not long ago.
 void Drive::follow_watch() {
     const driveid_watch_report* w = watch();
@@ -285,6 +288,7 @@ void Drive::follow_watch() {
     alarm_ = mismatch || (restarted_ && !(w && w->ready));
     if (mismatch) alarm_since_ns_ = w->since_ns;
     const char* effect = mismatch ? w->effect : nullptr;
+    withheld_ = mismatch && !is_change_of_parameter(effect);
     if (effect && effect != likely_)
         log_event(Level::warning, config_.name.c_str(), "model", "explain a record of it: driveid explain",
                   "the model no longer explains this drive; likely effect: %s; most of it %s", effect, driveid_watch_regime_name(w->regime));
@@ -298,12 +302,12 @@ DriveState Drive::state(int64_t now_ns) const {
     const bool silent = !replayed_ && double(now_ns - last_ns_) * 1e-9 > config_.stale_s;
     if (silent) return DriveState::stale;
     if (status_ == DRIVEID_FROZEN) return DriveState::frozen;
-    if (std::any_of(parameters_.begin(), parameters_.end(), [](auto& p) { return p.trusted; })) return DriveState::valid;
-    return DriveState::identifying;
+    const bool trusted = !withheld_ && std::any_of(parameters_.begin(), parameters_.end(), [](auto& p) { return p.trusted; });
+    return trusted ? DriveState::valid : DriveState::identifying;
 }
 
 bool Drive::valid(const ParameterReport& p, int64_t now_ns) const {
-    if (!p.known || !p.trusted) return false;
+    if (!p.known || !p.trusted || withheld_) return false;
     const DriveState s = state(now_ns);
     return s == DriveState::valid || s == DriveState::frozen;
 }

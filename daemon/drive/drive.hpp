@@ -135,6 +135,7 @@ private:
     uint32_t restarts_seen_ = 0;
     bool gap_told_ = false;          // this one is counted
     bool restarted_ = false, alarm_ = false, resting_ = false, was_resting_ = false;
+    bool withheld_ = false;   // the model lacks an effect: its parameters are not trusted
     int64_t alarm_since_ns_ = 0;
     const char* likely_ = nullptr;   // effect of the last announcement
     double channel_[DRIVEID_CHANNELS_MAX]{};

@@ -55,6 +55,7 @@ def play(folder, seed, options, from_file=True, dry=True, **model):
     (folder / "gw.toml").write_text(text if from_file else text.replace("\nmethod =", '\neffects = ["coulomb"]\nmethod ='))
     subprocess.run([DAEMON, "gw.toml", "--exit-at-end"], cwd=folder, check=True, capture_output=True, timeout=120 * SLOW)
     estimates = [json.loads(payload) for kind, _, _, payload in entries(folder / "out.drec")[1] if kind == 6]
+    (folder / "estimates.json").write_text(json.dumps(estimates))
     moved = list(motion(folder / "rows.csv", drive["rated"]["speed"]))
     start_s = estimates[0]["t_ns"] * 1e-9 - moved[0][0]
     return [(t := e["t_ns"] * 1e-9 - start_s, moved[min(len(moved) - 1, max(0, int((t - moved[0][0]) * 100)))][1], e["residual"]) for e in estimates]
@@ -93,3 +94,15 @@ def test_the_plainest_missing_effect_is_named_and_an_error_within_the_interval_i
     last = [r for _, _, r in run if r["likely_effect"]][-1]
     assert effect in [last["likely_effect"], *last["not_told_apart_from"]], last
     assert len(last["not_told_apart_from"]) <= 4 and last["likely_effect"] not in last["not_told_apart_from"]
+
+
+@pytest.mark.parametrize("effect, trusted", [("constant_load", False), ("inertia_change", True)])
+def test_parameters_that_a_missing_effect_bends_are_not_called_valid(tmp_path, effect, trusted):
+    """A load that the model lacks makes inertia and friction wrong; a change of inertia itself is what the estimator follows."""
+    options = CHANGES.get(effect) or ["--effect", effect, "--effect-at", CHANGE_S, "--size", 1]
+    play(tmp_path, 3, options, dry=False)
+    during = [e for e in json.loads((tmp_path / "estimates.json").read_text()) if e["residual"]["likely_effect"] == effect]
+    assert len(during) > 20, len(during)
+    valid = sum(any(p["valid"] for p in e["parameters"]) for e in during)
+    assert valid > 0.5 * len(during) if trusted else valid == 0, (valid, len(during))
+    assert trusted or all(e["state"] != "valid" for e in during)

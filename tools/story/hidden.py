@@ -110,7 +110,7 @@ def hidden_act(given, programs):
     driveid(folder, "fit", "more.toml", after, "-o", "final.toml")
     high = residual(drive)["rms"]
     load(config, "final.toml", daemon, control)
-    drive, fallen = watch(control, programs, f"the model with {effect} runs beside the drive", {}, 40,
+    drive, fallen = watch(control, programs, f"the model with {effect} runs beside the drive", truth, 40,
                           steadily(lambda d: residual(d)["usual_rms"] and not residual(d)["alarm"] and residual(d)["rms"] < 0.6 * high, 5))
     yield bool(fallen), f"added and loaded: the streamed residual fell from {high:.3g} to {residual(drive)['rms']:.3g} {residual(drive)['unit']}" + ("" if fallen else ": not by enough, or the alarm stayed")
     control.close()
