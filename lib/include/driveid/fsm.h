@@ -9,7 +9,7 @@
  *           rank [EQ FSM-39]; c by the lower differences [EQ FSM-41] (its last index is l; gamma in [EQ FSM-44] takes i).
  *           Realised time-invariant: x_p = e^-pqt X_p, X_p' = -(q_k - p q) X_p + y, weights by exp() outside. Cascade of unit-gain
  *           sections, one exact lower-triangular transition a shift, s^i/D by Newton combination.
- * Parameters  poles: rad/s, each above p_max q with p_max = 2 n + m (autonomous: 2 n - 1), or configure refuses: a section would grow.
+ * Parameters  driveid_fsm_suggest offers poles and q. poles: rad/s, each above p_max q with p_max = 2 n + m (autonomous: 2 n - 1), or configure refuses: a section would grow.
  *           Storage is the caller's; no self-pointers: a copy is a snapshot.
  * Returns   DRIVEID_OK; configure: DRIVEID_ERR_CONFIG with a sentence; update: DRIVEID_ERR_TIME, _VALUE, DRIVEID_DUPLICATE (sample ignored);
  *           estimate: DRIVEID_NOT_YET before there are rows, DRIVEID_RANK where the rows do not tell all apart (nothing written).
@@ -66,6 +66,10 @@ typedef struct driveid_fsm_estimate {
 
 DRIVEID_FSM_TYPE(double, driveid_fsm_f64);
 DRIVEID_FSM_TYPE(float, driveid_fsm_f32);
+
+/* poles, pole_rad_s and q_per_s from the sample time, the signals' bandwidth (of what is to be identified: the highest resonance or corner) and the noise
+ * of y over its rms; order, zeros, fixed_mask and holds are the caller's. DRIVEID_ERR_CONFIG with a sentence where the sample time is too long. */
+driveid_status driveid_fsm_suggest(driveid_fsm_config *config, double dt_s, double bandwidth_rad_s, double noise, char *reason, size_t reason_size);
 
 driveid_status driveid_fsm_configure_f64(driveid_fsm_f64 *self, const driveid_fsm_config *config, char *reason, size_t reason_size);
 driveid_status driveid_fsm_configure_f32(driveid_fsm_f32 *self, const driveid_fsm_config *config, char *reason, size_t reason_size);
