@@ -24,4 +24,5 @@ NB_MODULE(_core, m) {
     bind_lti(m);
     bind_modal(m);
     bind_sinusoids(m);
+    bind_shifting(m);
 }

@@ -88,5 +88,6 @@ void bind_online(nb::module_ &m);
 void bind_lti(nb::module_ &m);
 void bind_modal(nb::module_ &m);
 void bind_sinusoids(nb::module_ &m);
+void bind_shifting(nb::module_ &m);
 
 }  // namespace driveid_ext
