@@ -38,7 +38,8 @@ void residual(JsonOut& o, const Drive& d) {
     const driveid_watch_report* w = d.watch();
     o.key("usual_rms");
     w && w->ready ? o.number(w->usual_rms) : o.null();
-    if (w && w->mismatch) {
+    const bool mismatch = w && w->mismatch && d.alarm();  // the drive takes the watch's word with each report
+    if (mismatch) {
         o.field("regime", driveid_watch_regime_name(w->regime)).field("likely_effect", w->effect).key("order");
         w->order > 0 ? o.number(w->order) : o.null();
         o.field("share", w->share);
@@ -46,7 +47,7 @@ void residual(JsonOut& o, const Drive& d) {
         o.key("regime").null().key("likely_effect").null().key("order").null().key("share").null();
     }
     o.key("not_told_apart_from").open('[');
-    for (uint32_t k = 0; w && k < w->ties; ++k) o.string(w->tie[k]);
+    for (uint32_t k = 0; mismatch && k < w->ties; ++k) o.string(w->tie[k]);
     o.close(']');
     o.close('}');
 }

@@ -13,7 +13,7 @@ from .records.dbc import j1939_last, load_dbc
 from .records.frames import pgn_of
 from .records.mapping import Source, parse_maps
 
-_HEAD = """# Configuration of driveidd. `driveidd --check FILE` says what is wrong; `driveidd --manual` lists every key.
+HEAD = """# Configuration of driveidd. `driveidd --check FILE` says what is wrong; `driveidd --manual` lists every key.
 format = 1
 
 [control]
@@ -98,7 +98,7 @@ def template(kind: str, structure: str) -> str:
         signals = signals.replace("i_q_A", "F_N").replace("theta_rad", "x_m").replace("counts_per_turn = 65536                # an encoder: replaces scale, unwraps",
                                                                                        "scale = 1e-6                           # one count in metres\n  wrap_counts = 4294967296")
     given = '# given = { K_t_Nm_A = 0.05 }            # what you know; without K_t the parameters are per ampere\n' if structure == "rigid_axis" else ""
-    return f'''{_HEAD}{_SOURCES[kind]}
+    return f'''{HEAD}{_SOURCES[kind]}
 [[drive]]
 name = "axis1"
 structure = "{structure}"                 # or model = "axis1.toml", a model file
@@ -120,7 +120,7 @@ def from_dbc(path: Path, maps, *, interface: str, structure: str, drive: str, dt
         if not cycle:
             notices.append("the DBC tells no cycle time: dt_s = 0.001 is a guess, mend it")
     blocks = [_signal(m, s, name, unit, notices) for m, s, name, unit in chosen]
-    text = _HEAD + f'\n[[source]]\nname = "can0"\nkind = "socketcan"\ninterface = "{interface}"\n'
+    text = HEAD + f'\n[[source]]\nname = "can0"\nkind = "socketcan"\ninterface = "{interface}"\n'
     if any(m.is_fd for m, _, _, _ in chosen):
         text += "fd = true\n"
     return text + f'\n[[drive]]\nname = "{drive}"\nstructure = "{structure}"\ndt_s = {dt_s:g}\n' + "".join(blocks), notices

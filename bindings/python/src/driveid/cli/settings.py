@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""driveid config new | check | import-dbc."""
+"""driveid config new | check | import-dbc | import-eds."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 
 import click
 
-from .. import dbc_import
+from .. import dbc_import, eds_import
 from ..errors import UsageError
 from ..files import write_text
 from .common import invoke_guard, say
@@ -18,7 +18,7 @@ from .common import invoke_guard, say
 
 @click.group("config")
 def config() -> None:
-    """The gateway's configuration: a new one, a check, signals out of a DBC."""
+    """The gateway's configuration: a new one, a check, signals out of a DBC or a CANopen drive's EDS."""
 
 
 @config.command("new")
@@ -66,6 +66,30 @@ def find_daemon() -> str | None:
 def import_dbc(dbc: str, maps: tuple[str, ...], interface: str, structure: str, drive: str, dt_s: float | None, output: str) -> None:
     """A gateway configuration with the signals of a DBC: bit fields, scales and offsets taken over, converted to SI."""
     text, notices = dbc_import.from_dbc(Path(dbc), maps, interface=interface, structure=structure, drive=drive, dt_s=dt_s)
+    for notice in notices:
+        say(notice)
+    _write(output, text)
+
+
+@config.command("import-eds")
+@click.argument("eds", metavar="EDS")
+@click.option("--node", type=click.IntRange(1, 127), required=True, help="Node number of the drive.")
+@click.option("--counts-per-turn", type=click.FloatRange(1), default=None, help="Encoder counts of one turn; else 0x608F.")
+@click.option("--m-per-count", type=float, default=None, help="Metres of one count (linear_axis).")
+@click.option("--rated-current", type=click.FloatRange(0, min_open=True), default=None, metavar="A", help="Rated current; else 0x6075.")
+@click.option("--rated-torque", type=click.FloatRange(0, min_open=True), default=None, metavar="NM", help="Rated torque; else 0x6076.")
+@click.option("--velocity-unit", type=click.Choice(["counts/s", "rpm"]), default="counts/s", show_default=True, help="What the drive means by 0x606C.")
+@click.option("--interface", default="can0", show_default=True, help="CAN interface of the source.")
+@click.option("--structure", default="rigid_axis", show_default=True)
+@click.option("--drive", default="axis1", show_default=True, help="Name of the drive.")
+@click.option("--dt", "dt_s", type=click.FloatRange(0, min_open=True), default=None, help="Sample time in seconds; else from the EDS.")
+@click.option("-o", "--output", metavar="FILE", default="-", show_default=True)
+@invoke_guard
+def import_eds(eds: str, node: int, counts_per_turn: float | None, m_per_count: float | None, rated_current: float | None, rated_torque: float | None,
+               velocity_unit: str, interface: str, structure: str, drive: str, dt_s: float | None, output: str) -> None:
+    """A gateway configuration for a CANopen drive (CiA 402): position, velocity, torque and current out of its PDO mapping, the SYNC as the sampling instant."""
+    ratings = eds_import.Ratings(counts_per_turn, m_per_count, rated_current, rated_torque, velocity_unit)
+    text, notices = eds_import.from_eds(Path(eds), node, ratings, interface=interface, structure=structure, drive=drive, dt_s=dt_s)
     for notice in notices:
         say(notice)
     _write(output, text)
