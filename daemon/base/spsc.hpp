@@ -29,6 +29,8 @@ public:
         return true;
     }
 
+    bool empty() const { return head_.load(std::memory_order_acquire) == tail_.load(std::memory_order_acquire); }
+
 private:
     std::vector<T> ring_;
     std::atomic<size_t> head_{0}, tail_{0};

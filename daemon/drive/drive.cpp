@@ -193,6 +193,13 @@ void Drive::restart() {
     for (auto& p : parameters_) p.trusted = false;
 }
 
+void Drive::remember(const double* theta, const double* covariance, uint32_t params) {
+    if (params != online_.regression.params || estimate_.params != 0) return;
+    estimate_.params = params;
+    std::copy_n(theta, params, estimate_.theta);
+    std::copy_n(covariance, params * params, estimate_.cov);
+}
+
 // Slow means over about 100 samples: the first sample after a gap is no jitter.
 void Drive::timing(int64_t t_ns) {
     const double dt = double(t_ns - last_ns_) * 1e-9;

@@ -54,6 +54,8 @@ public:
     void gap(int source, uint64_t lost);
     void restart();
     bool uses(int source) const;
+    // What the estimator knew before the restart: kept and saved again until it knows more; never an answer.
+    void remember(const double* theta, const double* covariance, uint32_t params);
 
     // Reload: same model file content and the like; then everything learnt is taken over.
     bool same_model(const Drive& other) const;

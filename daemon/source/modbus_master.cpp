@@ -273,6 +273,7 @@ public:
         status_.clock = "daemon";
         line_->start();
     }
+    bool waiting() const override { return !device_->queue.empty(); }
     std::string address() const override {
         return config_.kind == "modbus_rtu" ? config_.device + " unit " + std::to_string(config_.unit)
                                             : config_.host + ":" + std::to_string(config_.port) + " unit " + std::to_string(config_.unit);

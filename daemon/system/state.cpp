@@ -87,6 +87,24 @@ void apply_parameter(const nlohmann::json& p, Drive& drive, double since_s, int6
     }
 }
 
+// Numbers of an array, all finite and no more than there is room for; how many, -1 where it is not such an array.
+int numbers(const nlohmann::json& o, const char* key, double* out, size_t room) {
+    const auto it = o.find(key);
+    if (it == o.end() || !it->is_array() || it->size() > room) return -1;
+    int n = 0;
+    for (const auto& v : *it) {
+        if (!v.is_number() || !std::isfinite(v.get<double>())) return -1;
+        out[n++] = v.get<double>();
+    }
+    return n;
+}
+
+void apply_estimate(const nlohmann::json& entry, Drive& drive) {
+    double theta[DRIVEID_THETA_MAX], covariance[DRIVEID_THETA_MAX * DRIVEID_THETA_MAX];
+    const int n = numbers(entry, "theta", theta, std::size(theta));
+    if (n > 0 && numbers(entry, "covariance", covariance, std::size(covariance)) == n * n) drive.remember(theta, covariance, uint32_t(n));
+}
+
 }  // namespace
 
 std::string state_save(const std::string& folder, const std::vector<std::unique_ptr<Drive>>& drives) {
@@ -128,6 +146,7 @@ bool state_apply(std::string_view text, std::vector<std::unique_ptr<Drive>>& dri
         for (auto& d : drives) {
             if (!same(entry, "name", d->config().name) || !same(entry, "structure", d->structure()) || !same(entry, "method", d->config().method) || !same(entry, "type", d->config().type)) continue;
             for (const auto& p : entry["parameters"]) apply_parameter(p, *d, since_s, now_ns, restored);
+            apply_estimate(entry, *d);
         }
     }
     return true;
