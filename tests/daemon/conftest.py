@@ -4,8 +4,9 @@ from pathlib import Path
 
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parent))
+sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[1])]
 from gateway import Gateway  # noqa: E402
+from faults import pytest_terminal_summary  # noqa: E402, F401
 
 
 @pytest.fixture

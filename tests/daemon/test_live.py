@@ -8,6 +8,7 @@ import struct
 import time
 
 import pytest
+from faults import recovery
 from gateway import SOCKETPAIR, Axis, J, drive, frame, near_truth, parameters
 
 
@@ -150,7 +151,8 @@ def test_a_bus_that_takes_nothing_blocks_nothing(gateway):
     gateway.settle(500)
     # After the outage nothing old comes: what is in the pipe was sent before, at most its length.
     gateway.drain()
-    gateway.until(lambda s: s["sinks"][0]["state"] == "open")
+    with recovery("bus that takes nothing", "parameters sent again"):
+        gateway.until(lambda s: s["sinks"][0]["state"] == "open")
 
 
 def test_signals_end_it_cleanly(gateway):
@@ -178,7 +180,8 @@ def test_out_of_descriptors_is_survived(gateway):
     time.sleep(0.3)
     for s in held:
         s.close()
-    assert gateway.settle(2000)["sources"][0]["used"] == 2000
+    with recovery("out of descriptors", "every frame used, control socket answers"):
+        assert gateway.settle(2000)["sources"][0]["used"] == 2000
 
 
 def test_watchdog_and_ready_are_told(gateway, tmp_path):

@@ -10,6 +10,7 @@ import threading
 import time
 
 import pytest
+from faults import recovery
 from gateway import DAEMON, SOCKETPAIR, Axis, drive, near_truth, parameters
 from pymodbus.client import ModbusTcpClient
 
@@ -171,9 +172,8 @@ def test_a_misbehaving_device_is_told_costs_nobody_else_and_comes_back(gateway, 
     assert status["sources"][0]["frames"] == 0 and not any(p["valid"] for p in parameters(status).values()), "a wrong reply is no value"
     assert time.monotonic() - began < 10
     bad.mood = "good"
-    recovering = time.monotonic()
-    gateway.until(lambda s: s["sources"][0]["state"] == "open" and s["sources"][0]["frames"] > 20, 20, "the device coming back")
-    print(f"{mood}: answers again {time.monotonic() - recovering:.2f} s after it mended")
+    with recovery(f"Modbus peer: {mood}", "replies again"):
+        gateway.until(lambda s: s["sources"][0]["state"] == "open" and s["sources"][0]["frames"] > 20, 20, "the device coming back")
 
 
 def test_refused_connection_and_a_device_that_appears_late(gateway, device):
@@ -182,7 +182,8 @@ def test_refused_connection_and_a_device_that_appears_late(gateway, device):
     status = gateway.until(lambda s: s["sources"][0]["errors"] >= 2)
     assert "refused" in status["sources"][0]["last_error"].lower()
     device(port)
-    gateway.until(lambda s: s["sources"][0]["frames"] > 20, 15)
+    with recovery("Modbus connection refused", "replies"):
+        gateway.until(lambda s: s["sources"][0]["frames"] > 20, 15)
 
 
 def test_words_bytes_and_tables_against_pymodbus_server(gateway, tmp_path):

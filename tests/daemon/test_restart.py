@@ -10,6 +10,7 @@ import time
 import zlib
 
 import pytest
+from faults import recovery
 from gateway import DAEMON, SLOW, SOCKETPAIR, Axis, J, drive, near_truth, parameters
 
 STATE = '[state]\nfolder = "state"\nperiod_s = 0.1\n'
@@ -31,7 +32,8 @@ def test_parameters_survive_a_kill_and_say_their_age(gateway):
     gateway.process.kill()
     gateway.process.wait()
     time.sleep(0.5)
-    gateway.start(text)
+    with recovery("kill -9", "parameters with their age, after the restart"):
+        gateway.start(text)
     after = parameters(gateway.status())
     for name, p in before.items():
         assert after[name]["value"] == p["value"] and after[name]["interval"] == p["interval"]
@@ -205,7 +207,8 @@ def test_full_and_read_only_disk(gateway):
         assert near_truth(gateway.settle(8000)), "identification goes on"
         (disk / "big").unlink(missing_ok=True)
         subprocess.run(["mount", "-o", "remount,size=8m", disk], check=True)
-        gateway.until(lambda s: s["sinks"][0]["state"] == "open", 10, "room again")
+        with recovery("disk full", "recording again"):
+            gateway.until(lambda s: s["sinks"][0]["state"] == "open", 10, "room again")
         gateway.feed(axis, 1000, start)
         gateway.settle(9000)
         gateway.until(lambda s: (disk / "state").exists(), 10, "state saved again")

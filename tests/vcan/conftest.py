@@ -9,8 +9,9 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path += [str(ROOT / "tools" / "story"), str(ROOT / "tests" / "golden")]
+sys.path += [str(ROOT / "tests"), str(ROOT / "tools" / "story"), str(ROOT / "tests" / "golden")]
 from gateway import Control, Programs  # noqa: E402
+from faults import pytest_terminal_summary  # noqa: E402, F401
 
 BUILD = Path(os.environ.get("DRIVEID_BUILD", ROOT / "build"))
 DAEMON = Path(os.environ.get("DRIVEID_DAEMON", BUILD / "daemon/driveidd"))
