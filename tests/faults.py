@@ -12,7 +12,7 @@ def recovery(fault, what):
     """The block ends once the daemon is well again; it begins when the fault ends."""
     began = time.monotonic()
     yield
-    test = os.environ.get("PYTEST_CURRENT_TEST", "").split(" ")[0]
+    test = os.environ.get("PYTEST_CURRENT_TEST", "").rsplit(" (", 1)[0]
     TOLD.append(f"fault: {fault} | {what} | {time.monotonic() - began:.2f} | {test}")
 
 

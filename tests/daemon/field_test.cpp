@@ -186,4 +186,20 @@ TEST(RegisterField, WordAndByteOrder) {
     EXPECT_EQ(RegisterField(c).count, 4);
 }
 
+TEST(Scaler, A64BitCounterWrapsAndWhatIsOutOfItsLimitsIsNotCounted) {
+    FieldConfig c = plain();
+    c.counts_per_turn = 2 * kPi;  // a count is a radian
+    double v = 0;
+    Scaler wide(c, Number::unsigned_integer, 64);
+    EXPECT_EQ(wide.convert(5, 0, v), Scaler::Result::ok);
+    EXPECT_EQ(wide.convert(uint64_t(0) - 3, 1000000, v), Scaler::Result::ok);
+    EXPECT_DOUBLE_EQ(v, -3);
+    c.max = 20;
+    Scaler limited(c, Number::unsigned_integer, 16);
+    EXPECT_EQ(limited.convert(10, 0, v), Scaler::Result::ok);
+    EXPECT_EQ(limited.convert(25, 1000000, v), Scaler::Result::out_of_range);
+    EXPECT_EQ(limited.convert(12, 2000000, v), Scaler::Result::ok);
+    EXPECT_DOUBLE_EQ(v, 12) << "the refused value left no trace";
+}
+
 }  // namespace

@@ -270,4 +270,47 @@ TEST(Path, ASnapshotGoesOnBitForBit) {
     }
 }
 
+TEST(Path, AValueOfItsOwnAgeHasItsOwnStamp) {
+    Rig rig("", "delay_s = 0.001");
+    rig.send(rig.start, 1.5, 0.0);
+    rig.send(rig.start + 1000000, 2.5, 0.1);  // its angle was taken when the current before it was
+    ASSERT_EQ(rig.ear.samples, 1);
+    EXPECT_EQ(rig.ear.last.stamp.t_ns, rig.start);
+    EXPECT_DOUBLE_EQ(rig.ear.last.value[DRIVEID_SIGNAL_I_Q_A], 1.5);
+    EXPECT_NEAR(rig.ear.last.value[DRIVEID_SIGNAL_THETA_RAD], 0.1, 1e-5);
+}
+
+TEST(Path, RepliesAreCountedByTheirCounterAndAJumpIsAGap) {
+    const ConfigResult r = config_read_text(
+        "[[source]]\nname = \"plc\"\nkind = \"modbus_tcp\"\nhost = \"127.0.0.1\"\nunit = 1\n[[drive]]\nname = \"a\"\nstructure = \"rigid_axis\"\ngiven = { K_t_Nm_A = 0.05 }\ndt_s = 0.001\n"
+        "  [[drive.signal]]\n  name = \"i_q_A\"\n  source = \"plc\"\n  address = 1\n  encoding = \"i16\"\n"
+        "  [[drive.signal]]\n  name = \"theta_rad\"\n  source = \"plc\"\n  address = 2\n  counts_per_turn = 1000\n  max_rate = 100\n"
+        "  [drive.counter]\n  source = \"plc\"\n  address = 0\n  encoding = \"u16\"\n", "x.toml");
+    ASSERT_TRUE(r.errors.empty()) << r.errors[0];
+    Ear ear;
+    Drive drive(r.config.drives[0], r.config, 0, ear);
+    const auto reply = [&](uint16_t counter, int16_t i, uint16_t counts, int64_t ms) {
+        ModbusReply m{};
+        m.unit = 1, m.function = 4, m.count = 3;
+        m.registers[0] = counter, m.registers[1] = uint16_t(i), m.registers[2] = counts;
+        return drive.reply(0, m, {1000000000 + ms * 1000000, 0, DRIVEID_CLOCK_DAEMON});
+    };
+    EXPECT_EQ(reply(7, -2, 500, 0), Fate::used);
+    EXPECT_DOUBLE_EQ(ear.last.value[DRIVEID_SIGNAL_I_Q_A], -2);
+    EXPECT_NEAR(ear.last.value[DRIVEID_SIGNAL_THETA_RAD], kPi, 1e-12);
+    EXPECT_EQ(reply(7, -3, 501, 1), Fate::used);
+    EXPECT_EQ(ear.samples, 1) << "polled twice, sampled once";
+    EXPECT_EQ(drive.counters().duplicates, 1u);
+    EXPECT_EQ(reply(9, -3, 501, 2), Fate::used);
+    EXPECT_EQ(drive.counters().dropped, 0u) << "a poll sees only some counts";
+    EXPECT_EQ(reply(10, -3, 800, 3), Fate::used);
+    EXPECT_EQ(drive.counters().jumps, 1u);
+    EXPECT_EQ(drive.counters().gaps, 1u);
+    EXPECT_EQ(reply(10, -3, 800, 4), Fate::used);
+    ModbusReply other{};
+    other.unit = 2, other.function = 4, other.count = 3;
+    EXPECT_EQ(drive.reply(0, other, {2000000000, 0, DRIVEID_CLOCK_DAEMON}), Fate::unused) << "another unit";
+    EXPECT_EQ(drive.reply(1, other, {2000000000, 0, DRIVEID_CLOCK_DAEMON}), Fate::unused) << "another source";
+}
+
 }  // namespace

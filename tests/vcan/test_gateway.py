@@ -7,11 +7,12 @@ import signal
 import socket
 import struct
 import subprocess
+import sys
 import time
 
 import pytest
 import sessions
-from conftest import BLAST
+from conftest import BLAST, ROOT
 from faults import recovery
 
 LISTEN = """format = 1
@@ -260,3 +261,9 @@ def test_ends_on_signals(gateway):
         assert gateway.daemon.wait(10) == 0
         assert not os.path.exists(gateway.folder / "c.sock")
         gateway.programs.running.clear()
+
+
+def test_thirty_two_drives_on_four_buses_lose_nothing():
+    """The short form of the soak on sockets; docs/soak.md has the long one."""
+    done = subprocess.run([sys.executable, ROOT / "tools/soak", "sockets", "--minutes", "0.1", "--rate", "10"], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0 and "| yes |" in done.stdout, done.stdout + done.stderr
