@@ -215,11 +215,13 @@ static double add_score(const driveid_svf_common *common, const fsm_sums *sums, 
     const double coarse = sums->coarse, rows = sums->rows;
     double r[FSM_LAGS];
     residual_lags(q, sums, theta, r);
+    const double pieces = q->order > 0 ? sums->spent / q->order - 1 : 0; /* ends at which a lag finds no partner; beyond 0.6 too few pairs speak */
+    for (int lag = 1; lag < FSM_LAGS && pieces > 0; lag++) r[lag] /= fmax(0.6, 1 - lag * pieces / rows);
     const int lags = lags_needed(r, rows);
     double tail = 0;
     for (int lag = FSM_LAGS / 4; lag < FSM_LAGS; lag++) tail += r[lag] / (FSM_LAGS - FSM_LAGS / 4);
     *settled = tail < 0.12 * r[0];
-    const double band = fmin(rows, 3.7 * rows / lags), freedom = fmax(1, band - q->params - q->order);
+    const double band = fmin(rows, 3.7 * rows / lags), freedom = fmax(1, band - q->params - sums->spent);
     const double rise = sums->pole_rad_s > 0 ? sqrt(fmin(noise_excess(common, e, sums->pole_rad_s, theta), EXCESS)) : 1;
     const double scale = rise * band / freedom / (coarse * coarse * variance * variance);
     const double replaced = q->output >= 0 && sums->s[n * n - 1] > 0 ? sqrt(sums->s[q->output * n + q->output] / sums->s[n * n - 1]) : 1;
@@ -268,7 +270,7 @@ static void shares(const driveid_svf_common *common, const fsm_sums *sums, fsm_s
 
 int fsm_enough(const driveid_svf_common *common, int e, const fsm_sums *sums) {
     const fsm_equation *q = &common->equation[e];
-    return sums->rows >= q->params + q->order + (sums->pole_rad_s > 0 ? ROWS_LATER : ROWS_FIRST);
+    return sums->rows >= q->params + sums->spent + (sums->pole_rad_s > 0 ? ROWS_LATER : ROWS_FIRST);
 }
 
 double fsm_score(const driveid_svf_common *common, int e, const fsm_sums *sums, double small, const double *theta) {
@@ -309,7 +311,7 @@ int fsm_solve(const driveid_svf_common *common, const fsm_sums *sums, double sma
         const fsm_equation *q = &common->equation[e];
         const int n = q->params + 1;
         double trace = 0;
-        if (sums[e].rows < q->params + q->order + ROWS_FIRST) return 0;
+        if (sums[e].rows < q->params + sums[e].spent + ROWS_FIRST) return 0;
         for (int i = 0; i < n; i++) trace += sums[e].s[i * n + i];
         variance[e] = equations > 1 && trace > 0 ? trace / sums[e].weight : 1;
     }

@@ -11,6 +11,7 @@
 /* Sums of one equation at one stage without initial conditions, (params + 1) square, the last row and column is y. */
 typedef struct fsm_sums {
     double weight, weight2, rows, pole_rad_s;   /* pole_rad_s: of the stage's prefilter, 0: none */
+    double spent;      /* initial conditions that were eliminated, each of which took a row's worth of residual */
     unsigned coarse;
     double s[FSM_PACKED * FSM_PACKED];
     const double *g;   /* [FSM_PAIRS(params + 1)][FSM_LAGS]: sums of x_i(t) x_j(t-lag) + x_j(t) x_i(t-lag), j <= i, of coarse rows */

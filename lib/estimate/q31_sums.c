@@ -141,5 +141,6 @@ void q31_gather(q31_state *self, unsigned e, fsm_sums *out) {
     out->weight2 = (double)sums->weight2 / rows;
     out->rows = out->weight2 > 0 ? (double)sums->coarse_rows / rows * ((double)sums->coarse_rows / rows) / out->weight2 : 0;
     out->coarse = self->coarse;
+    out->spent = q->order;
     out->pole_rad_s = 0;
 }
