@@ -202,4 +202,21 @@ TEST(Scaler, A64BitCounterWrapsAndWhatIsOutOfItsLimitsIsNotCounted) {
     EXPECT_DOUBLE_EQ(v, 12) << "the refused value left no trace";
 }
 
+TEST(Scaler, LimitsAreInclusiveAndTheRateIsPerSecondBetweenTheTwoStamps) {
+    FieldConfig c = plain();
+    c.min = -5, c.max = 20, c.max_rate = 10;
+    double v = 0;
+    Scaler s(c, Number::signed_integer, 16);
+    EXPECT_EQ(s.convert(20, 1000000000, v), Scaler::Result::ok) << "the upper limit itself";
+    EXPECT_EQ(s.convert(21, 3000000000, v), Scaler::Result::out_of_range);
+    EXPECT_EQ(s.convert(uint16_t(-5), 3500000000, v), Scaler::Result::ok) << "25 in 2.5 s is 10 a second; the lower limit itself";
+    EXPECT_EQ(s.convert(6, 4500000000, v), Scaler::Result::jump) << "11 in one";
+    c.counts_per_turn = 2 * kPi;
+    Scaler counts(c, Number::unsigned_integer, 16);
+    EXPECT_EQ(counts.convert(20, 1000000000, v), Scaler::Result::ok);
+    EXPECT_EQ(counts.convert(20, 1500000000, v), Scaler::Result::ok) << "at rest";
+    EXPECT_DOUBLE_EQ(v, 20);
+    EXPECT_EQ(counts.convert(9, 2500000000, v), Scaler::Result::jump) << "11 in one";
+}
+
 }  // namespace
