@@ -16,6 +16,10 @@ constexpr double kBroadMin = 0.2;       // or this share of the gain outside its
 constexpr double kBroadGain = 200;      // where that is this much
 constexpr double kEvidenceMin = 2.5;    // and over blocks: not in one place only
 constexpr double kNearlyAll = 0.01;     // what a simpler law may leave of what the best one takes
+constexpr double kBehindEvidence = 5;   // a family that does better in an effect's place must do so nearly everywhere,
+constexpr double kBehindSpeed = 0.1;    // and by this share: dry friction is idealised at rest,
+constexpr double kBehind = 0.05;        // other laws less,
+constexpr double kBehindExact = 0.01;   // an eccentric scale is geometry
 constexpr double kFurtherMin = 0.002;   // of what the accepted effects took: every law is an idealisation to a few per cent (squared here)
 
 bool acceptable(const Option &o) {
@@ -133,19 +137,23 @@ bool less_under_drive(const Equation &e, const Eigen::MatrixXd &z, const Eigen::
   return left(with, ridge_with) < 0.95 * left(now, ridge_now);
 }
 
+void add_members(const Search &search, const std::vector<Member> &members, Eigen::MatrixXd &x, Eigen::VectorXd &y) {
+  for (const Member &m : members) {
+    Term t = realise(search.equation(), search.candidates()[std::size_t(m.candidate)], m.shape, search.nominal());
+    if (t.column.cols()) {
+      x.conservativeResize(t.column.rows(), x.cols() + t.column.cols());
+      x.rightCols(t.column.cols()) = t.column;
+    }
+    if (t.taken.size()) y -= t.taken;
+  }
+}
+
 Remainder beyond(const Search &search, const std::vector<Family> &families, const std::vector<Member> &members) {
   const Equation &e = search.equation();
   Remainder out;
   Eigen::MatrixXd x = e.base;
   Eigen::VectorXd y = e.y;
-  for (const Member &m : members) {
-    Term t = realise(e, search.candidates()[std::size_t(m.candidate)], m.shape, search.nominal());
-    if (t.column.cols()) {
-      x.conservativeResize(x.rows() ? x.rows() : t.column.rows(), x.cols() + t.column.cols());
-      x.rightCols(t.column.cols()) = t.column;
-    }
-    if (t.taken.size()) y -= t.taken;
-  }
+  add_members(search, members, x, y);
   const int fixed = int(x.cols());
   std::vector<std::vector<int>> columns;
   int at = fixed;
@@ -195,6 +203,37 @@ Remainder beyond(const Search &search, const std::vector<Family> &families, cons
   out.evidence = evidence(start.sse, current.sse);
   out.broad = broad(start.sse, current.sse);
   return out;
+}
+
+// Does a family that no effect of the catalogue is like do better in this effect's place?
+void ask_outside(const Search &search, const std::vector<Family> &families, const std::vector<Member> &others, const BlockGram::Score &with, Found &f) {
+  static const char *const dry[] = {"coulomb", "stribeck", "lugre", "hysteresis", "asymmetric_friction", "quadratic_drag"};
+  const Equation &e = search.equation();
+  const BlockGram::Score without = search.solve(others).score;
+  Eigen::MatrixXd x = e.base;
+  Eigen::VectorXd y = e.y;
+  add_members(search, others, x, y);
+  const int fixed = int(x.cols());
+  for (const Family &g : families) {
+    const bool of_speed = g.name == "speed" && !e.electrical && std::any_of(std::begin(dry), std::end(dry), [&](const char *n) { return f.name == n; });
+    const bool outside = g.catalogue.empty() && !e.electrical && g.name != "order_speed";
+    if (!of_speed && !outside) continue;
+    Eigen::MatrixXd all(x.rows(), fixed + g.column.cols());
+    all << x, g.column;
+    BlockGram gram(e, whiten(e, all), whiten(e, y));
+    std::vector<int> column;
+    for (int k = 0; k < int(all.cols()); ++k) column.push_back(k);
+    for (double r : {1e-4, 1e-2}) {
+      std::vector<double> ridge(column.size(), r);
+      std::fill(ridge.begin(), ridge.begin() + fixed, 0.0);
+      const BlockGram::Score s = gram.cross_validate(column, ridge);
+      const double behind = (with.total - s.total) / std::max(1e-300, without.total - s.total);
+      if (s.total >= without.total || behind <= f.behind) continue;
+      f.behind = behind;
+      f.behind_evidence = evidence(with.sse, s.sse);
+      f.rival = g.name;
+    }
+  }
 }
 
 // Speed and voltage are not sampled at the very same instant: the speed's share of the voltage may lie early or late.
@@ -379,6 +418,7 @@ Analysis analyse(Equation equation, const driveid_model &model, const Settings &
       else f.margin = std::min(f.margin, behind);
     }
     std::sort(f.ties.begin(), f.ties.end(), [](const Tie &x, const Tie &y) { return x.total < y.total; });
+    ask_outside(search, a.families, others, a.after.score, f);
     a.found.push_back(std::move(f));
   }
   std::sort(a.found.begin(), a.found.end(), [](const Found &x, const Found &y) { return x.share > y.share; });
@@ -398,7 +438,13 @@ Analysis analyse(Equation equation, const driveid_model &model, const Settings &
       for (const Found &f : a.found) same |= f.name == name;
   if (!a.remainder.family.empty() && a.families[std::size_t(a.remainder.family[0])].name == "order_speed")
     for (const Found &f : a.found) contradicted |= f.name == "cogging";
-  a.unknown = (more && (a.found.empty() || left > (contradicted ? 0.15 : same ? 0.5 : 0.35))) || regular;
+  bool outdone = false;
+  if (!a.found.empty()) {
+    const Found &f = a.found.front();
+    outdone = f.behind_evidence > kBehindEvidence && f.behind > (f.rival == "speed" ? kBehindSpeed : f.name == "encoder_eccentricity" ? kBehindExact : kBehind);
+    if (outdone) a.unknown_worth = std::max(a.unknown_worth, f.worth);
+  }
+  a.unknown = outdone || (more && (a.found.empty() || left > (contradicted ? 0.15 : same ? 0.5 : 0.35))) || regular;
   if (settings.tick) settings.tick(1.0);
   return a;
 }

@@ -38,6 +38,9 @@ struct Found {                      // one accepted effect (several members wher
   double worth = 0, margin = 0;     // log-likelihood beyond its cost; lead over the best other explanation
   double confidence = 0;
   std::vector<Tie> ties;
+  std::string rival;                // general family that does better in its place, though no effect of the catalogue is like it
+  double behind = 0;                // share of what the family removes that the effect leaves
+  double behind_evidence = 0;       // over blocks
 };
 
 struct Analysis {

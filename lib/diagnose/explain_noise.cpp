@@ -11,7 +11,8 @@ namespace {
 
 // Inside its threshold a dead zone also swallows the noise of the drive.
 double dead_zone_noise(const Equation &e, double threshold, double inertia, double damping) {
-  if (e.electrical || !(e.noise_drive > 0)) return 1;
+  const double noise_drive = std::max(e.noise_drive, e.input_noise * e.input_noise);   // the residual's split may hand it to the motion
+  if (e.electrical || !(noise_drive > 0)) return 1;
   const double inside = 1 - 1 / double(averaged_samples(e, threshold));   // of the noise, where the drive is below the threshold
   double passed = 0, all = 0, kept = 0, square = 0;
   for (const Track &t : e.tracks)
@@ -38,7 +39,7 @@ double dead_zone_noise(const Equation &e, double threshold, double inertia, doub
       d += a * e.gain * w0[std::size_t(i)];
     }
     motion += e.noise_motion * m * m;
-    drive += e.noise_drive * d * d;
+    drive += noise_drive * d * d;
   }
   const double scale = kept / square;
   return std::min(1.0, (motion + drive * passed / all / (scale * scale)) / std::max(1e-300, motion + drive));

@@ -205,6 +205,15 @@ double Search::seen_from_drive(const Context &context, const std::vector<double>
   return best / std::max(1e-300, context.score.total);
 }
 
+// A dead zone leaves a deficit well above its threshold too; below it, what is swallowed may be noise on both sides of the equation.
+bool Search::less_above_threshold(const std::vector<Member> &members, int candidate, const std::vector<double> &shape, double share) const {
+  const Eigen::VectorXd before = solve(members).residual, after = solve(joined(members, candidate, shape)).residual;
+  double was = 0, is_now = 0, rows = 0;
+  for (Eigen::Index k = 0; k < before.size(); ++k)
+    if (std::fabs(full_.drive[k]) > 2 * full_.gain * shape[0]) was += before[k] * before[k], is_now += after[k] * after[k], rows += 1;
+  return rows > 0.05 * double(before.size()) && is_now < (1 - 0.5 * share) * was;
+}
+
 Option Search::judged(int index, const Context &context, const std::vector<double> &shape, const BlockGram::Score &against) const {
   const Candidate &c = candidates_[std::size_t(index)];
   Option o;
@@ -241,7 +250,7 @@ Option Search::judged(int index, const Context &context, const std::vector<doubl
   o.relative_raw = 1 - o.raw / std::max(context.raw, 1e-300);
   // Whitening weighs the noise's own frequencies up: what is gained there more than in the error as it stands may be noise that is swallowed.
   const bool plain = o.relative_raw >= o.relative;
-  if (c.name == "dead_zone") o.possible = plain;
+  if (c.name == "dead_zone") o.possible = plain && less_above_threshold(context.members, index, shape, o.relative_raw);
   if (c.name == "compliance" && t.column.cols() && !plain) o.check = seen_from_drive(context, shape, gram.solve(all, {}, false));
   o.cost = 1.0 * double(t.column.cols()) + 2.0 * double(shape.size()) + std::log(c.trials);
   return o;

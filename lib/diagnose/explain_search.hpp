@@ -91,6 +91,7 @@ class Search {
   Option judged(int candidate, const Context &context, const std::vector<double> &shape, const BlockGram::Score &against) const;
   Context context(const std::vector<Member> &members) const;
   std::vector<std::vector<double>> losses(const std::vector<Member> &members, const Eigen::VectorXd &coefficient) const;
+  bool less_above_threshold(const std::vector<Member> &members, int candidate, const std::vector<double> &shape, double share) const;
   double seen_from_drive(const Context &context, const std::vector<double> &shape, const Eigen::VectorXd &coefficient) const;
 
   Equation full_, thin_;

@@ -13,7 +13,7 @@
 #include <driveid/diagnose.h>
 
 struct Axis {
-  double J = 2e-4, B = 3e-4, K_t = 0.08, coulomb = 0, load = 0, drag = 0, cogging = 0;
+  double J = 2e-4, B = 3e-4, K_t = 0.08, coulomb = 0, load = 0, drag = 0, cogging = 0, dead_zone_A = 0;
   int order = 12;
   double sigma_i = 0.01, counts = 16384;
 };
@@ -49,7 +49,8 @@ inline Log run_axis(const Axis &a, double seconds, unsigned seed, double rate_Hz
       log.i_A.push_back(i + a.sigma_i * normal(rng));
       log.theta_rad.push_back(std::floor(q / (2 * pi) * a.counts) * 2 * pi / a.counts);
     }
-    double free = a.K_t * i - a.load - a.cogging * std::sin(a.order * q + 0.7);
+    const double through = i - std::fmax(-a.dead_zone_A, std::fmin(a.dead_zone_A, i));
+    double free = a.K_t * through - a.load - a.cogging * std::sin(a.order * q + 0.7);
     if (w == 0 && std::fabs(free) <= a.coulomb) continue;
     double side = w != 0 ? (w > 0 ? 1 : -1) : (free > 0 ? 1 : -1);
     double next = w + h * (free - a.B * w - a.drag * std::fabs(w) * w - a.coulomb * side) / a.J;

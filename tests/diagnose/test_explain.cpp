@@ -64,6 +64,42 @@ TEST(Explain, CoulombIsFoundWithItsSize) {
   EXPECT_NEAR(j["ranked"][0]["parameters"]["tau_c_Nm"]["value"].get<double>(), 0.012, 0.0012);   // a tenth: stiction rows are left out, noise is 1 % of rated
 }
 
+// Real stiction at every reversal, and dry friction in the model: smoothing must not turn the jump of friction into a bristle.
+TEST(Explain, KnownDryFrictionLacksNothing) {
+  for (unsigned seed : {11u, 12u}) {
+    Axis axis;
+    axis.coulomb = 0.012;
+    Log a = run_axis(axis, 14, seed), b = run_axis(axis, 10, seed + 100);
+    a.seal("training");
+    b.seal("held out");
+    char *toml = nullptr, message[200];
+    ASSERT_EQ(driveid_add(new_model("rigid_axis", {"K_t_Nm_A=0.08"}).c_str(), "coulomb", &toml, message, sizeof message), DRIVEID_OK) << message;
+    const std::string text = toml;
+    driveid_text_free(toml);
+    json j = explained(text, a.record, &b.record);
+    EXPECT_EQ(j["verdict"], "nothing_missing") << seed << j["ranked"].dump(1);
+  }
+}
+
+// A threshold of one and a half times the current's noise: it shows in the deficit above it.
+TEST(Explain, DeadZoneNearTheNoiseIsFound) {
+  Axis axis;
+  axis.sigma_i = 0.03;
+  axis.dead_zone_A = 0.045;
+  json j = explain_axis(axis, 13);
+  ASSERT_FALSE(j["ranked"].empty());
+  EXPECT_EQ(j["ranked"][0]["effect"], "dead_zone") << j["ranked"].dump(1);
+  EXPECT_NEAR(j["ranked"][0]["parameters"]["u_d_A"]["value"].get<double>(), 0.045, 0.009);   // a fifth: the threshold is judged by an averaged current
+}
+
+// A current that is mostly noise: what a threshold would swallow of it explains nothing.
+TEST(Explain, NoiseOfTheCurrentIsNoDeadZone) {
+  Axis axis;
+  axis.sigma_i = 0.3;
+  json j = explain_axis(axis, 14);
+  for (auto &r : j["ranked"]) EXPECT_FALSE(r["accepted"].get<bool>()) << r.dump(1);
+}
+
 TEST(Explain, CoggingIsFoundWithItsOrder) {
   Axis axis;
   axis.cogging = 0.006;
