@@ -107,6 +107,18 @@ void set_nominal(driveid_model &model, const Analysis &a, const Solution &s, std
   }
 }
 
+bool has_values(const driveid_model &model, const Equation &e) {
+  for (const BaseColumn &b : e.base_column)
+    if (const driveid_param *p = b.given ? nullptr : driveid_model_param(&model, b.name.c_str()); p && p->state == DRIVEID_PARAM_UNSET) return false;
+  return true;
+}
+
+void take_nominal(driveid_model &model, const driveid_model &from, const Equation &e) {
+  for (const BaseColumn &b : e.base_column)
+    for (unsigned k = 0; k < model.params; ++k)
+      if (b.name == model.param[k].name) model.param[k] = from.param[k];
+}
+
 driveid_frame frame_of(const std::vector<Analysis> &analysis) {
   for (const Analysis &a : analysis)
     if (!a.search->equation().electrical) return a.search->equation().frame;
@@ -240,8 +252,11 @@ Explanation explain(const driveid_model &model, const driveid_task &task, const 
   bool unknown = false;
   double unknown_gain = 0, found_worth = 0;
   for (Analysis &a : x.analysis) {
-    set_nominal(x.model, a, a.before, x.notices, true);
-    set_nominal(x.grown, a, a.after, x.notices, false);
+    driveid_model balanced = x.model;   // values of the balance tell of absorption; a fit's own values simulate better and stay where nothing is added
+    set_nominal(balanced, a, a.before, x.notices, true);
+    const bool fitted = has_values(x.model, a.search->equation());
+    if (!fitted) take_nominal(x.model, balanced, a.search->equation());
+    if (!fitted || !a.found.empty()) set_nominal(x.grown, a, a.after, x.notices, false);
     const Eigen::MatrixXd covariance = a.search->covariance(a.after);
     for (Found &f : a.found) {
       Ranked r;

@@ -448,22 +448,30 @@ void equation_stage(FitOutcome &outcome, EquationSet &set, const FitOptions &opt
 
 }  // namespace
 
-void refine_values(driveid_model &model, const std::vector<Prepared> &training, const std::vector<const Equation *> &equations) {
+void refine_values(driveid_model &model, uint32_t first_effect, const std::vector<Prepared> &training, const std::vector<const Equation *> &equations) {
   if (training.empty()) return;
   for (const Part &part : parts_of(model, training[0])) {
+    bool grown = false;
+    for (uint32_t e = first_effect; e < model.effects; e++) grown |= effect_in(model, model.effect[e], part.mode);
+    if (!grown) continue;
     std::vector<batch::Stretch> data;
     for (const Prepared &r : training)
       for (batch::Stretch &s : make_stretches(model, r, timing_of(equations, r, part.mode))) data.push_back(std::move(s));
     const std::vector<batch::FreeParam> free = free_params(model, part.mode);
     if (data.empty() || free.empty()) continue;
     const auto near = refine(model, part, data, {0.3, false}, free, 6);
+    std::optional<batch::OutputErrorResult> best = near;
+    double least = near ? judge(near->model, part, data) + kWorthIt : INFINITY;   // short windows have wide intervals: only where they predict clearly better
     for (double window_s : {2.0, 0.3}) {
       const auto fitted = refine(near ? near->model : model, part, data, {window_s, true}, free, 10, skew_unknown(model, training[0], part));
       if (!fitted || fitted->agreement < kDerivatives) continue;
-      model = fitted->model;
-      write_intervals(model, free, *fitted);
+      if (judge(fitted->model, part, data) > least) continue;
+      best = fitted;
       break;
     }
+    if (!best) continue;
+    model = best->model;
+    write_intervals(model, free, *best);
   }
 }
 

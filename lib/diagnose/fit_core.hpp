@@ -64,7 +64,7 @@ driveid_signal scored_signal(const driveid_model &model, const Prepared &record)
 bool fit_equation(const Equation &equation, driveid_model &model, int threads, std::vector<Notice> &notices);
 
 // Values and intervals of a model that has values already (an explanation's), by whitened output error; what cannot be refined stays as it is.
-void refine_values(driveid_model &model, const std::vector<Prepared> &training, const std::vector<const Equation *> &equations);
+void refine_values(driveid_model &model, uint32_t first_effect, const std::vector<Prepared> &training, const std::vector<const Equation *> &equations);
 
 FitOutcome fit_model(const driveid_model &model, const std::vector<Prepared> &training, const std::vector<Prepared> &held_out, const FitOptions &options);
 
