@@ -14,16 +14,6 @@ constexpr double kStrayed = 4;   // a value this many times away is another mini
 
 bool strayed(double before, double after) { return !std::isfinite(after) || (before != 0 && (std::fabs(after) > kStrayed * std::fabs(before) || std::fabs(after) < std::fabs(before) / kStrayed)); }
 
-// Two estimators of one truth: the interval is the wider of theirs (a simulation that hangs on a threshold looks far too sure of itself); where they
-// contradict each other the model is imperfect, and it reaches over both.
-void reconcile(driveid_param &refined, const driveid_param &found, bool phase) {
-  const double turn = 6.283185307179586, away = phase ? std::fabs(std::remainder(refined.value - found.value, turn)) : std::fabs(refined.value - found.value);
-  const double own = 0.5 * (refined.hi - refined.lo), other = 0.5 * (found.hi - found.lo);
-  const double half = away > own + other ? away + other : std::max(own, other);
-  refined.lo = refined.value - half;
-  refined.hi = refined.value + half;
-}
-
 const driveid_effect_use *use_of(const driveid_model &model, const char *name, int which) {
   for (uint32_t e = 0; e < model.effects; e++)
     if (!std::strcmp(model.effect[e].name, name) && which-- == 0) return &model.effect[e];
@@ -55,9 +45,8 @@ void refine_ranked(Explanation &x) {
   for (uint32_t e = x.model.effects; e < refined.effects; e++)
     for (uint32_t k = 0; k < refined.effect[e].params; k++) {
       driveid_param &p = refined.effect[e].param[k];
-      const bool phase = !std::strncmp(p.name, "phi", 3) || !std::strncmp(p.name, "theta_0", 7);
-      if (!phase && strayed(x.grown.effect[e].param[k].value, p.value)) return;
-      reconcile(p, x.grown.effect[e].param[k], phase);
+      if (!is_phase(p.name) && strayed(x.grown.effect[e].param[k].value, p.value)) return;
+      reconcile(p, x.grown.effect[e].param[k]);
     }
   x.grown = refined;
   for (Ranked &r : x.ranked)

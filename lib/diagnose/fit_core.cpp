@@ -105,6 +105,7 @@ std::vector<Part> parts_of(const driveid_model &model, const Prepared &record) {
   std::vector<driveid_signal> outputs{roles.position.empty() ? speed : position};
   if (model.structure == DRIVEID_STRUCTURE_TWO_MASS_AXIS && record.has("theta_l_rad")) outputs.push_back(DRIVEID_SIGNAL_THETA_L_RAD);
   parts.push_back({DRIVEID_SIM_MECHANICAL, outputs});
+  if (parts.size() > 1 && whole_mode(model, record) == DRIVEID_SIM_WHOLE) parts[0].judged_mode = DRIVEID_SIM_WHOLE, parts[0].judged_outputs = {outputs[0]};
   return parts;
 }
 
@@ -279,8 +280,8 @@ constexpr double kFreeRun = 0.7;      // what a free run counts beside windows o
 double judge(const driveid_model &model, const Part &part, const std::vector<batch::Stretch> &judged) {
   double sum = 0, count = 0;
   for (const batch::Stretch &s : judged)
-    for (driveid_signal signal : part.outputs) {
-      const double free_run = score_windows(model, s, part.mode, signal, 0), second = score_windows(model, s, part.mode, signal, 1.0);
+    for (driveid_signal signal : part.judged_outputs) {
+      const double free_run = score_windows(model, s, part.judged_mode, signal, 0), second = score_windows(model, s, part.judged_mode, signal, 1.0);
       if (!(free_run >= 0) || !(second >= 0)) return INFINITY;
       sum += kFreeRun * std::log(free_run + 1e-300) + (1 - kFreeRun) * std::log(second + 1e-300);
       count += 1;
@@ -383,6 +384,12 @@ void add_scores(std::vector<Trial> &trials, const std::vector<Trial> &turn) {
   }
 }
 
+// The balance's own answer, where it and the simulation exclude each other (an input read with the wrong hold, a force that neither knows).
+void contradicted(driveid_param &simulated, const driveid_param &balanced) {
+  const double own = 0.5 * (simulated.hi - simulated.lo), other = 0.5 * (balanced.hi - balanced.lo);
+  if (!is_phase(simulated.name) && std::isfinite(other) && std::fabs(simulated.value - balanced.value) > own + other) reconcile(simulated, balanced);
+}
+
 void refine_part(FitOutcome &outcome, const Part &part, const std::vector<batch::Stretch> &training, const std::vector<batch::Stretch> &held_out, bool free_skew, const FitOptions &options) {
   const std::vector<batch::FreeParam> free = free_params(outcome.model, part.mode);
   if (free.empty() || training.empty()) return;
@@ -411,6 +418,8 @@ void refine_part(FitOutcome &outcome, const Part &part, const std::vector<batch:
     if (best && honest && !leaves(*best, *honest, free)) best = honest, chosen = local;
     else if (best && honest) widen_intervals(*best, free, *honest);
   }
+  if (best && chosen == local)
+    for (const batch::FreeParam &f : free) contradicted(param_of(*best, f), param_of(outcome.model, f));
   if (best) outcome.model = *best;
   outcome.objective += (outcome.objective.empty() ? "" : ", ") + chosen->name;
 }
@@ -448,6 +457,16 @@ void equation_stage(FitOutcome &outcome, EquationSet &set, const FitOptions &opt
 
 }  // namespace
 
+bool is_phase(const char *name) { return !std::strncmp(name, "phi", 3) || !std::strncmp(name, "theta_0", 7); }
+
+void reconcile(driveid_param &refined, const driveid_param &found) {
+  const double turn = 6.283185307179586, away = is_phase(refined.name) ? std::fabs(std::remainder(refined.value - found.value, turn)) : std::fabs(refined.value - found.value);
+  const double own = 0.5 * (refined.hi - refined.lo), other = 0.5 * (found.hi - found.lo);
+  const double half = away > own + other ? away + other : std::max(own, other);
+  refined.lo = refined.value - half;
+  refined.hi = refined.value + half;
+}
+
 void refine_values(driveid_model &model, uint32_t first_effect, const std::vector<Prepared> &training, const std::vector<const Equation *> &equations) {
   if (training.empty()) return;
   for (const Part &part : parts_of(model, training[0])) {
@@ -460,15 +479,19 @@ void refine_values(driveid_model &model, uint32_t first_effect, const std::vecto
     const std::vector<batch::FreeParam> free = free_params(model, part.mode);
     if (data.empty() || free.empty()) continue;
     const auto near = refine(model, part, data, {0.3, false}, free, 6);
-    std::optional<batch::OutputErrorResult> best = near;
-    double least = near ? judge(near->model, part, data) + kWorthIt : INFINITY;   // short windows have wide intervals: only where they predict clearly better
-    for (double window_s : {2.0, 0.3}) {
-      const auto fitted = refine(near ? near->model : model, part, data, {window_s, true}, free, 10, skew_unknown(model, training[0], part));
+    const driveid_model start = near ? near->model : model;
+    std::optional<batch::OutputErrorResult> best;
+    double least = INFINITY;
+    for (const Objective &objective : {Objective{2.0, true}, Objective{0.3, true}, Objective{0.0, false}}) {   // honest intervals first; others where they predict clearly better
+      if (best && objective.whiten) continue;
+      const auto fitted = refine(start, part, data, objective, free, 10, skew_unknown(model, training[0], part));
       if (!fitted || fitted->agreement < kDerivatives) continue;
-      if (judge(fitted->model, part, data) > least) continue;
+      const double score = judge(fitted->model, part, data);
+      if (best && score > least - kWorthIt) continue;
       best = fitted;
-      break;
+      least = score;
     }
+    if (near && judge(near->model, part, data) < least - kWorthIt) best = near;
     if (!best) continue;
     model = best->model;
     write_intervals(model, free, *best);

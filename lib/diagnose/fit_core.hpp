@@ -51,6 +51,8 @@ std::vector<batch::Stretch> make_stretches(const driveid_model &model, const Pre
 struct Part {
   driveid_sim_mode mode;
   std::vector<driveid_signal> outputs;
+  driveid_sim_mode judged_mode = mode;                    // a circuit beside an axis is judged by what the whole drive then does:
+  std::vector<driveid_signal> judged_outputs = outputs;   // its current forgives a wrong back-EMF, the speed does not
 };
 std::vector<Part> parts_of(const driveid_model &model, const Prepared &record);
 
@@ -62,6 +64,11 @@ driveid_signal scored_signal(const driveid_model &model, const Prepared &record)
 
 // Values and intervals from one equation, into the model. Needs the whitening of the equation.
 bool fit_equation(const Equation &equation, driveid_model &model, int threads, std::vector<Notice> &notices);
+
+// Two estimators of one truth: the interval is the wider of theirs (a simulation that hangs on a threshold looks far too sure of itself); where they
+// contradict each other the model is imperfect, and it reaches over both.
+void reconcile(driveid_param &refined, const driveid_param &found);
+bool is_phase(const char *name);
 
 // Values and intervals of a model that has values already (an explanation's), by whitened output error; what cannot be refined stays as it is.
 void refine_values(driveid_model &model, uint32_t first_effect, const std::vector<Prepared> &training, const std::vector<const Equation *> &equations);
