@@ -298,6 +298,7 @@ std::string name_of(const Objective &o) {
 }
 
 constexpr double kAsGood = 0.15;     // objectives whose errors on kept-aside stretches differ by less (log) predict alike
+constexpr double kTwice = 0.7;       // log
 constexpr double kWorthIt = 0.10;    // an objective without honest intervals must predict kept-aside stretches that much better
 
 constexpr double kLeaves = 2;         // half-widths
@@ -482,16 +483,16 @@ void refine_values(driveid_model &model, uint32_t first_effect, const std::vecto
     const driveid_model start = near ? near->model : model;
     std::optional<batch::OutputErrorResult> best;
     double least = INFINITY;
-    for (const Objective &objective : {Objective{2.0, true}, Objective{0.3, true}, Objective{0.0, false}}) {   // honest intervals first; others where they predict clearly better
+    for (const Objective &objective : {Objective{2.0, true}, Objective{0.3, true}, Objective{0.0, false}}) {   // honest intervals first; others where they predict twice as well
       if (best && objective.whiten) continue;
       const auto fitted = refine(start, part, data, objective, free, 10, skew_unknown(model, training[0], part));
       if (!fitted || fitted->agreement < kDerivatives) continue;
       const double score = judge(fitted->model, part, data);
-      if (best && score > least - kWorthIt) continue;
+      if (best && score > least - kTwice) continue;
       best = fitted;
       least = score;
     }
-    if (near && judge(near->model, part, data) < least - kWorthIt) best = near;
+    if (near && judge(near->model, part, data) < least - kTwice) best = near;
     if (!best) continue;
     model = best->model;
     write_intervals(model, free, *best);
