@@ -181,10 +181,17 @@ void Drive::gap(int source, uint64_t lost) {
     pacer_.restart();
 }
 
+// What was said of the drive so far is no longer said: the watch begins anew too.
+void Drive::forget_alarm() {
+    make_watch();
+    alarm_ = withheld_ = restarted_ = false;
+    likely_ = nullptr;
+}
+
 void Drive::restart() {
     driveid_estimator_restart(estimator());
     online_ = fresh_online_;
-    make_watch();
+    forget_alarm();
     for (auto& s : can_) s.scaler.forget();
     for (auto& s : registers_) s.scaler.forget();
     aligner_.restart();
@@ -216,7 +223,7 @@ void Drive::sample(const driveid_sample& s) {
         log_event(Level::warning, config_.name.c_str(), "time-line", "", "stamps went back for good: a new time line begins");
         driveid_estimator_restart(estimator());
         online_ = fresh_online_;
-        make_watch();
+        forget_alarm();
         first_ns_ = next_report_ns_ = s.stamp.t_ns;
         mean_dt_s_ = jitter_ns_ = 0;
     } else {
@@ -266,7 +273,7 @@ void Drive::report() {
                 p.restored_age_s = -1;
             }
             const bool all = std::all_of(parameters_.begin(), parameters_.end(), [](auto& p) { return p.trusted; });
-            if (all && first_trusted_s_ < 0) first_trusted_s_ = double(e.t_ns - first_ns_) * 1e-9;
+            if (all && !withheld_ && first_trusted_s_ < 0) first_trusted_s_ = double(e.t_ns - first_ns_) * 1e-9;
         }
     }
     follow_watch();

@@ -100,6 +100,7 @@ private:
     void sample(const driveid_sample& sample);
     void timing(int64_t t_ns);
     void report();
+    void forget_alarm();
     void residual_alarm(const driveid_estimate& e);
     void make_watch();
     void follow_watch();

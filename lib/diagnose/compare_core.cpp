@@ -235,10 +235,14 @@ double left_beside_model(Equation &e, const Eigen::VectorXd &residual, std::vect
   for (const OrderLine &line : order_lines(e, residual))
     if (line.statistic > kSure && line.order > kInFamily && orders++ < kOrders) families.push_back(order_family(e, line.order));
   const Eigen::VectorXd measured = e.y;
+  const auto ar = e.ar;
+  const auto weight = e.weight;
+  const auto mask = e.mask;
+  const double motion = e.noise_motion, drive = e.noise_drive;
   e.y = residual;
-  const Floor floor = find_floor(e, families);
-  e.y = measured;
-  return floor.hi;
+  const double left = find_floor(e, families).hi;
+  e.y = measured, e.ar = ar, e.weight = weight, e.mask = mask, e.noise_motion = motion, e.noise_drive = drive;   // the tests whiten as before
+  return left;
 }
 
 void equation_errors(const driveid_model &model, EquationSet &set, Compared &out, double &share) {

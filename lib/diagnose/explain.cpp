@@ -128,7 +128,8 @@ driveid_frame frame_of(const std::vector<Analysis> &analysis) {
 // Residual over the coordinates in which the strongest general family is regular.
 ordered_json shape_table(const Analysis &a) {
   static const Family over_time{"time", {"t_s"}, {}, {}};   // regular in no coordinate of the motion
-  const Family &f = a.remainder.family.empty() ? over_time : a.families[std::size_t(a.remainder.family[0])];
+  const auto rival = std::find_if(a.families.begin(), a.families.end(), [&](const Family &family) { return !a.outdone_by.empty() && family.name == a.outdone_by; });
+  const Family &f = rival != a.families.end() ? *rival : a.remainder.family.empty() ? over_time : a.families[std::size_t(a.remainder.family[0])];
   const Equation &e = a.search->equation();
   auto value = [&](const std::string &coordinate, const driveid_effect_state &s) {
     if (coordinate == "omega_rad_s" || coordinate == "v_m_s") return s.speed;

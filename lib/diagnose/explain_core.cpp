@@ -442,7 +442,7 @@ Analysis analyse(Equation equation, const driveid_model &model, const Settings &
   if (!a.found.empty()) {
     const Found &f = a.found.front();
     outdone = f.behind_evidence > kBehindEvidence && f.behind > (f.rival == "speed" ? kBehindSpeed : f.name == "encoder_eccentricity" ? kBehindExact : kBehind);
-    if (outdone) a.unknown_worth = std::max(a.unknown_worth, f.worth);
+    if (outdone) a.unknown_worth = std::max(a.unknown_worth, f.worth), a.outdone_by = f.rival;
   }
   a.unknown = outdone || (more && (a.found.empty() || left > (contradicted ? 0.15 : same ? 0.5 : 0.35))) || regular;
   if (settings.tick) settings.tick(1.0);

@@ -57,6 +57,7 @@ struct Analysis {
   double removable = 0;             // whitened squared error that can go, at least
   double explained = 0;             // share of it that the accepted effects remove
   bool unknown = false;
+  std::string outdone_by;           // the general family that does clearly better in an accepted effect's place
   double unknown_worth = 0;         // log-likelihood that something unknown holds
   std::vector<std::vector<Member>> steps;   // the set after each accepted step
 };

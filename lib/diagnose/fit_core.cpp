@@ -492,7 +492,7 @@ void refine_values(driveid_model &model, uint32_t first_effect, const std::vecto
       best = fitted;
       least = score;
     }
-    if (near && judge(near->model, part, data) < least - kTwice) best = near;
+    if (near && near->agreement >= kDerivatives && judge(near->model, part, data) < least - kTwice) best = near;
     if (!best) continue;
     model = best->model;
     write_intervals(model, free, *best);

@@ -9,7 +9,9 @@
 #include <cmath>
 #include <cstdint>
 #include <exception>
+#include <functional>
 #include <mutex>
+#include <system_error>
 #include <thread>
 
 #include <driveid/diagnose.h>
@@ -169,7 +171,7 @@ Eigen::VectorXd turned(const Eigen::VectorXd &residual) {
   return out;
 }
 
-Bench make_bench(Equation e, const driveid_model &model, int threads) {
+Bench make_bench(Equation e, const driveid_model &model, int threads, const std::function<bool(double)> &tick) {
   const Floor floor = find_floor(e, make_families(e));
   Bench b;
   b.floor = std::max(floor.lo, floor.hi);
@@ -179,7 +181,9 @@ Bench make_bench(Equation e, const driveid_model &model, int threads) {
     std::vector<Notice> notices;
     Settings settings;
     settings.threads = threads;
+    settings.tick = [&](double d) { return tick((double(round) + d) / kRounds); };
     const Analysis present = analyse(b.clean, model, settings, notices);
+    if (present.search->cancelled()) throw Cancelled{};
     b.candidates = present.search->candidates();
     b.nominal = present.search->nominal();
     b.members.clear();
@@ -215,7 +219,10 @@ std::vector<ordered_json> smallest_of_each(const Bench &b, const driveid_model &
     }
   };
   std::vector<std::thread> pool;
-  for (int k = 1; k < std::clamp(task.threads, 1, 16); k++) pool.emplace_back(work, false);
+  try {
+    for (int k = 1; k < std::clamp(task.threads, 1, 16); k++) pool.emplace_back(work, false);
+  } catch (const std::system_error &) {   // fewer threads do it as well
+  }
   work(true);
   for (std::thread &t : pool) t.join();
   if (failure) std::rethrow_exception(failure);
@@ -235,13 +242,13 @@ void power(Task &task, ordered_json &document) {
   double done = 0;
   for (const Equation &e : set.equation) {
     if (!task.tick(done, "what is there already")) throw Cancelled{};
-    const Bench b = make_bench(e, fitted.model, task.threads);
+    const double share = 1.0 / double(set.equation.size());
+    const Bench b = make_bench(e, fitted.model, task.threads, [&](double d) { return task.tick(done + 0.1 * share * d, "what is there already"); });
     std::vector<int> asked;
     for (std::size_t k = 0; k < b.candidates.size(); k++) {
       const bool in_model = std::any_of(b.members.begin(), b.members.end(), [&](const Member &m) { return m.candidate == int(k); });
       if (!in_model && wanted(task, b.candidates[k].name)) asked.push_back(int(k));
     }
-    const double share = 1.0 / double(set.equation.size());
     for (ordered_json &entry : smallest_of_each(b, fitted.model, asked, task, done + 0.1 * share, done + share)) document["effects"].push_back(std::move(entry));
     done += share;
     document["noise_floor"].push_back({{"equation", e.signal}, {"unit", e.unit}, {"noise_floor", {b.floor_lo, b.floor}}});

@@ -44,7 +44,7 @@ driveid_status driveid_fleet_configure(driveid_fleet *self, size_t size, driveid
     if (reason && reason_size) reason[0] = 0;
     if (!self || !usable(type, regression, options, drives)) return refuse(reason, reason_size, "a fleet is 1 to 1048576 drives in f64 or f32", DRIVEID_ERR_ARGUMENT);
     const size_t needed = lay_out(&head, type, regression, options, drives, &status, reason, reason_size);
-    if (!needed) return status;
+    if (!needed) return status ? status : refuse(reason, reason_size, "so many drives are more than this machine addresses", DRIVEID_ERR_CAPACITY);
     if (size < needed) return refuse(reason, reason_size, "storage is smaller than driveid_fleet_size()", DRIVEID_ERR_CAPACITY);
     memset(self, 0, needed);
     *self = head;

@@ -245,7 +245,7 @@ static const char *left_side(const char *formula, char *left, size_t size) {
     while (to > from && isspace((unsigned char)to[-1])) to--;
     snprintf(left, size, "%.*s", (int)(to - from), from);
     for (equals++; isspace((unsigned char)*equals);) equals++;
-    return equals;
+    return to > from ? equals : formula;   /* nothing before the "=": the parser refuses it */
 }
 
 static driveid_status add_own(driveid_effect_use *use, const char *formula, const char *adds_to, char *reason, size_t reason_size) {

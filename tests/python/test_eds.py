@@ -111,3 +111,18 @@ def test_what_the_eds_does_not_tell_is_asked_for(driveid, text, options, words):
 def test_a_file_that_is_not_there(driveid):
     code, _, err = driveid("config", "import-eds", "none.eds", "--node", "5")
     assert code == 2 and "none.eds" in err
+
+
+def test_feed_constant_and_gear_make_the_units_of_a_turn(driveid):
+    """CiA 402: 7200 units a turn of the shaft behind a gear of 10 are 720 a turn of the motor; a gear alone does not tell the units."""
+    gear, feed = record(0x6091, "Gear ratio", [(0, 5, 2), (1, 7, 10), (2, 7, 1)]), record(0x6092, "Feed constant", [(0, 5, 2), (1, 7, 7200), (2, 7, 1)])
+    drive, _ = imported(driveid, eds(TWO, more=RATED + gear + feed))
+    assert next(s for s in drive["signal"] if s["name"] == "theta_rad")["counts_per_turn"] == 720
+    (driveid.folder / "drive.eds").write_text(eds(TWO, more=RATED + gear))
+    code, _, err = driveid("config", "import-eds", "drive.eds", "--node", str(NODE), "-o", "gw.toml")
+    assert code == 2 and "--counts-per-turn" in err
+
+
+def test_a_linear_axis_takes_the_current(driveid):
+    drive, _ = imported(driveid, eds(TWO, more=RATED), "--structure", "linear_axis", "--m-per-count", "1e-6")
+    assert {"i_q_A", "x_m"} <= {s["name"] for s in drive["signal"]}

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Frequency shifting's full form from Python: an oscillator with its initial conditions; a sinusoid with bias and no input; refusals."""
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -40,6 +42,9 @@ def test_refusals():
     with pytest.raises(driveid.UsageError, match="order"):
         shifting.suggest(order=7, dt_s=1e-3, bandwidth_rad_s=30)
     settings = shifting.suggest(order=2, dt_s=1e-3, bandwidth_rad_s=30)
+    for wrong in ({"order": 258}, {"order": 0}, {"zeros": 256}, {"zeros": -5}):  # not what is left of them in eight bits
+        with pytest.raises(driveid.UsageError, match="order"):
+            shifting.identify(np.arange(500) * 1e-3, np.zeros(500), np.zeros(500), dataclasses.replace(settings, **wrong))
     with pytest.raises(driveid.UsageError, match="input"):
         shifting.identify([0, 1e-3], [0, 0], None, settings)
     with pytest.raises(driveid.DataError, match="apart"):

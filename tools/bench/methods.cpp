@@ -127,7 +127,7 @@ void table(Scene scene) {
 
 int main(int count, char **argument) {
     if (count > 1 && std::string(argument[1]) == "--quick") seeds = idle_seeds = 1, idle_samples = 65000;
-    std::printf("A rigid axis at 1 kHz, J = 1.2e-4 kg m^2, multisine torque, %d seeds a cell (the idle hour: %d), default options. Error of J at the end (median and worst),\n"
+    std::printf("A rigid axis at 1 kHz, J drawn around 1.2e-4 kg m^2, multisine torque, %d seeds a cell (the idle hour: %d), default options. Error of J at the end (median and worst),\n"
                 "time to stay within 2 %% (median and worst; a dash: never), alarms beyond the one that a jump must give (of all runs), runs whose 95 %% interval holds J.\n", seeds, idle_seeds);
     for (int s = 0; s < scenes; s++) table(Scene(s));
     std::printf("\n## Cost\n\nBest of five runs on a shared machine, solve every 20 ms included.\n\n| method | ns a sample | state, kB |\n|---|---|---|\n");

@@ -72,7 +72,7 @@ def worst(found, order) -> float:
 
 def main() -> None:
     print("# Off-line methods: cost beside scipy and numpy, and its growth\n")
-    print(f"Made by `python tools/bench/offline.py > docs/benchmark-offline.md`. {' '.join(__doc__.split(chr(10) * 2)[-1].split())} Best of three, one thread, a busy machine: take the ratios. Error: of the worst natural frequency, 2 % noise.\n")
+    print(f"Made by `python tools/bench/offline.py > docs/benchmark-offline.md`. {' '.join(__doc__.split(chr(10) * 2)[-1].split())} Best of three (scipy at 100,000 rows: one run), one thread, a busy machine: take the ratios. Error: of the worst natural frequency, 2 % noise.\n")
     print("| order | rows | output error, ms | scipy, ms | ratio | error, ours / scipy | SRIVC, ms | least squares, ms |\n|---|---|---|---|---|---|---|---|")
     for order in (2, 4, 6):
         for rows in (1000, 10000, 100000):

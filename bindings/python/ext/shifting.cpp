@@ -10,8 +10,9 @@
 namespace driveid_ext {
 namespace {
 
-
 driveid_fsm_config config_of(int order, int zeros, int fixed_mask, int hold_y, int hold_u) {
+    if (order < 1 || order > DRIVEID_FSM_ORDER_MAX || zeros < -1 || zeros > order) throw nb::value_error("order must be 1 .. 6 and zeros -1 (no input) .. order");
+    if (fixed_mask < 0 || fixed_mask > 255 || hold_y < 0 || hold_y > 255 || hold_u < 0 || hold_u > 255) throw nb::value_error("fixed and holds must be 0 .. 255");
     driveid_fsm_config c{};
     c.order = uint8_t(order), c.zeros = uint8_t(zeros < 0 ? DRIVEID_FSM_AUTONOMOUS : zeros), c.fixed_mask = uint8_t(fixed_mask), c.hold_y = uint8_t(hold_y), c.hold_u = uint8_t(hold_u);
     return c;

@@ -8,7 +8,7 @@
  *           alarm, a restart) runs on its own until its stamps agree with the others' again.
  * Parameters  f64 or f32. Storage is the caller's, 8-byte aligned, no self-pointers: a copy is a snapshot.
  * Returns   update: DRIVEID_OK and one status a drive as of driveid_estimator_update; DRIVEID_ERR_ARGUMENT. configure: as of driveid_estimator_configure.
- * Cost      docs/benchmark-estimator.md; a rigid axis takes about 20 kB of storage. Stack as the single estimator's.
+ * Cost      docs/benchmark-estimator.md; a rigid axis takes about 35 kB of storage. Stack as the single estimator's.
  * Accuracy  tests/unit/fleet_test.cpp: bits equal to single estimators through gaps, lost values, alarms and restarts. */
 #ifndef DRIVEID_FLEET_H
 #define DRIVEID_FLEET_H

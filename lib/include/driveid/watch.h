@@ -9,10 +9,10 @@
  *           would take of r'r is known at any time. Effects that belong to a parameter of the model (inertia_change, friction_drift) take its own
  *           column, delay takes the derivative of the driving channel. A mismatch needs a gain beyond chance (a t statistic over correlated rows), beyond
  *           what theta_0 may be off by (the intervals of the file or of the answer it was taken from, at least 0.5 % of the largest term), and for a
- *           while; its name is that of the plainest effect (fewest columns) among those whose likelihoods the recent motion does not tell apart.
+ *           while; its name is that of the plainest effect (a change of the model's own parameters, then fewest columns) among those whose likelihoods the recent motion does not tell apart.
  * Parameters  SI.
  * Returns   driveid_watch_init: DRIVEID_OK; DRIVEID_ERR_CONFIG where the structure has no mechanical equation (nothing is watched then).
- * Cost      a sample: one filter step for each column (about 140 for a rotary axis), 3 to 5 microseconds; none while the drive rests. State about 100 kB.
+ * Cost      a sample: one filter step for each column (about 140 for a rotary axis), about 6 microseconds (docs/benchmark-estimator.md); none while the drive rests. State about 75 kB.
  * Accuracy  tests/property/watch_test.cpp (8 hours without a false alarm), tests/daemon/test_watch.py (each change named within 10 s of motion). */
 #ifndef DRIVEID_WATCH_H
 #define DRIVEID_WATCH_H

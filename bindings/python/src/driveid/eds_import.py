@@ -76,8 +76,14 @@ def _number(od, index: int, sub: int | None = None) -> float | None:
 
 
 def _counts(path: Path, od, ratings: Ratings) -> float:
+    """Units of 0x6064 in one turn of the motor: CiA 402 shows increments times feed constant over resolution and gear ratio."""
     if ratings.counts_per_turn:
         return ratings.counts_per_turn
+    feed, gear = _number(od, 0x6092, 1), (_number(od, 0x6091, 1) or 1.0) / (_number(od, 0x6091, 2) or 1.0)
+    if feed:
+        return feed / (_number(od, 0x6092, 2) or 1.0) / gear
+    if gear != 1.0:
+        raise UsageError(f"{path}: has a gear ratio (0x6091) and no feed constant (0x6092): say --counts-per-turn N, the units of 0x6064 in one turn of the motor")
     counts, turns = _number(od, 0x608F, 1), _number(od, 0x608F, 2) or 1.0
     if not counts:
         raise UsageError(f"{path}: tells no encoder resolution (0x608F): say --counts-per-turn N")
@@ -104,11 +110,10 @@ def _driving(path, od, found, ratings: Ratings, structure: str, notices):
     """Both are given in thousandths of a rated value. The current has K_t as its unknown or given; the torque is the drive's own product."""
     current_A = ratings.rated_current_A or (_number(od, 0x6075) or 0) * 1e-3
     torque_Nm = ratings.rated_torque_Nm or (_number(od, 0x6076) or 0) * 1e-3
-    name = "i_A" if structure in ("dc_drive", "dc_circuit") else "i_q_A"
-    if CURRENT in found and current_A and structure != "linear_axis":
+    if CURRENT in found and current_A:
         if TORQUE in found:
             notices.append("torque 0x6077 left out: the current 0x6078 is taken")
-        return CURRENT, name, [f"scale = {current_A / 1000!r}  # thousandths of {current_A:g} A"]
+        return CURRENT, "i_q_A", [f"scale = {current_A / 1000!r}  # thousandths of {current_A:g} A"]
     if TORQUE in found and torque_Nm:
         return TORQUE, "F_N" if structure == "linear_axis" else "tau_Nm", [f"scale = {torque_Nm / 1000!r}  # thousandths of {torque_Nm:g}"]
     raise UsageError(f"{path}: tells no rated value: say --rated-current A (0x6075) for 0x6078" + (" or" if TORQUE in found else "") + (" --rated-torque N·m (0x6076) for 0x6077" if TORQUE in found else ""))

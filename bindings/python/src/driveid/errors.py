@@ -52,9 +52,12 @@ def close_names(name: str, there: Iterable[str]) -> str:
 
 
 @contextlib.contextmanager
-def asking():
-    """What the extension refuses (ValueError) as UsageError."""
+def asking(**names: str):
+    """What the extension refuses (ValueError) as UsageError; names: what the caller calls an option of the library."""
     try:
         yield
     except ValueError as error:
-        raise UsageError(str(error)) from None
+        text = str(error)
+        for name, called in names.items():
+            text = text.replace(name, called)
+        raise UsageError(text) from None

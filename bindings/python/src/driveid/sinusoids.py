@@ -52,7 +52,7 @@ def frequencies(record: Record, signal: str, sinusoids: int = 1, *, highest_rad_
     if not 0 < highest < math.pi / dt_s:
         raise UsageError(f"the highest frequency must lie between 0 and half of the sampling rate, {math.pi / dt_s:.6g} rad/s")
     y = y - np.nanmean(y)  # a bias is no matter to the method, but to its digits
-    with asking():
+    with asking(bandwidth_rad_s="highest_rad_s (--highest)"):
         status, found = _core.frequencies(record.t_ns - record.t_ns[0], y, sinusoids, highest, dt_s, method)
     if not found:
         raise DataError(f"{record.name}: {signal} does not show {'a sinusoid' if sinusoids == 1 else 'two sinusoids'} ({_core.status_text(status)}): record longer, or with less noise")

@@ -80,7 +80,7 @@ def import_dbc(dbc: str, maps: tuple[str, ...], interface: str, structure: str, 
 @click.option("--rated-torque", type=click.FloatRange(0, min_open=True), default=None, metavar="NM", help="Rated torque; else 0x6076.")
 @click.option("--velocity-unit", type=click.Choice(["counts/s", "rpm"]), default="counts/s", show_default=True, help="What the drive means by 0x606C.")
 @click.option("--interface", default="can0", show_default=True, help="CAN interface of the source.")
-@click.option("--structure", default="rigid_axis", show_default=True)
+@click.option("--structure", type=click.Choice(["rigid_axis", "linear_axis"]), default="rigid_axis", show_default=True, help="A PDO has no voltage: the axis alone.")
 @click.option("--drive", default="axis1", show_default=True, help="Name of the drive.")
 @click.option("--dt", "dt_s", type=click.FloatRange(0, min_open=True), default=None, help="Sample time in seconds; else from the EDS.")
 @click.option("-o", "--output", metavar="FILE", default="-", show_default=True)

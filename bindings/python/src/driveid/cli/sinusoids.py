@@ -31,7 +31,7 @@ def _document(**more) -> dict:
 def frequency(ctx, record, signal, count, highest_rad_s, method, maps, json_file) -> None:
     """Frequencies of SIGNAL in RECORD: one or two sinusoids with bias (vibration, torque ripple)."""
     data = read(record, map=parse_maps(maps))
-    document = _document(records=[{"name": data.name, "rows": data.rows, "span_s": float(data.t_s[-1]), "hash": data.hash}], notices=[{"kind": "reader", "record": data.name, "text": t} for t in data.notices],
+    document = _document(records=[{"name": data.name, "rows": data.rows, "span_s": float(data.t_s[-1]), "hash": data.hash, "role": "training"}], notices=[{"kind": "reader", "record": data.name, "text": t} for t in data.notices],
                          signal=signal)
     try:
         found = sinusoids.frequencies(data, signal, count, highest_rad_s=highest_rad_s, method=method)
