@@ -60,6 +60,41 @@ TEST(Align, TooFarApartIsNoSample) {
     EXPECT_EQ(f.aligner.counters().incomplete, 1u);
 }
 
+TEST(Align, TheToleranceIsStillInTime) {
+    Feed f(two());
+    f.add(kI, 1, 0);
+    EXPECT_TRUE(f.add(kTheta, 1, kMs / 2));
+    f.add(kI, 1, kMs);
+    EXPECT_FALSE(f.add(kTheta, 1, kMs + kMs / 2 + 1));
+    EXPECT_EQ(f.aligner.counters().incomplete, 1u);
+
+    AlignOptions o = two();
+    o.sync = DRIVEID_SIGNAL_I_A;
+    Feed g(o);
+    g.add(kTheta, 1, 0);
+    EXPECT_TRUE(g.add(kI, 1, kMs / 2));
+    g.add(kTheta, 1, kMs);
+    EXPECT_FALSE(g.add(kI, 1, kMs + kMs / 2 + 1));
+    EXPECT_EQ(g.aligner.counters().incomplete, 1u);
+}
+
+TEST(Align, OnlyManyLateSetsInARowAreANewTimeLine) {
+    Feed f(two());
+    auto set = [&](int64_t t) { f.add(kI, 0, t); return f.add(kTheta, 0, t); };
+    EXPECT_TRUE(set(1000 * kMs));
+    int late = 0;
+    while (!set((10 + late) * kMs)) ASSERT_LT(++late, 1000);
+    EXPECT_EQ(f.aligner.counters().late, uint64_t(late) + 1);
+    EXPECT_TRUE(f.aligner.new_time_line());
+    for (int k = 0; k < late; ++k) {                            // a set in time between them starts the count anew
+        EXPECT_FALSE(set(kMs)) << k;
+        if (k + 1 == late) {
+            EXPECT_TRUE(set(5000 * kMs));
+        }
+    }
+    for (int k = 0; k < late; ++k) EXPECT_FALSE(set(kMs)) << k;
+}
+
 TEST(Align, DuplicatesAndLateSets) {
     AlignOptions one;
     one.waited = kI, one.tolerance_ns = kMs;

@@ -61,6 +61,23 @@ TEST(BitField, SaysHowManyBytesItNeeds) {
     EXPECT_EQ((BitField{56, 1, true}.bytes()), 8u);
 }
 
+// The last byte that a field touches, found by walking its bits: every length at every place.
+TEST(BitField, NeedsExactlyTheBytesThatItTouches) {
+    for (unsigned start = 0; start < 64; ++start)
+        for (unsigned length = 1; length <= 64; ++length)
+            for (bool big : {false, true}) {
+                unsigned at = start, last = 0;
+                for (unsigned k = 0; k < length; ++k) {
+                    last = std::max(last, at / 8);
+                    if (!big) ++at;
+                    else at = at % 8 == 0 ? at + 15 : at - 1;
+                }
+                BitField f;
+                f.start = uint16_t(start), f.length = uint8_t(length), f.big = big;
+                ASSERT_EQ(f.bytes(), last + 1) << start << " " << length << " " << big;
+            }
+}
+
 TEST(BitField, ReadsKnownBytes) {
     const uint8_t data[8] = {0x12, 0x34, 0x56, 0x78, 0x9A, 0xBC, 0xDE, 0xF0};
     EXPECT_EQ((BitField{0, 16, false}.extract(data)), 0x3412u);
@@ -168,6 +185,18 @@ TEST(CanField, MatchesIdentifiersAndGroups) {
     CanField addressed(c);
     EXPECT_TRUE(addressed.matches(0x18EF1234, true));
     EXPECT_FALSE(addressed.matches(0x18EE1234, true));
+}
+
+TEST(CanField, FloatsHaveTheirOwnLength) {
+    FieldConfig c = plain();
+    c.length = 16, c.encoding = "f32";
+    EXPECT_EQ(CanField(c).bytes(), 4u);
+    c.encoding = "f64";
+    EXPECT_EQ(CanField(c).bytes(), 8u);
+    c = plain(), c.mux_length = 8, c.mux_start_bit = 40;
+    EXPECT_EQ(CanField(c).bytes(), 6u);
+    c.mux_start_bit = 0, c.start_bit = 32;
+    EXPECT_EQ(CanField(c).bytes(), 6u);
 }
 
 TEST(RegisterField, WordAndByteOrder) {
