@@ -36,6 +36,8 @@ class Gateway:
     def listen(self, config="driveidd.toml", command=()):
         self.daemon = self.programs.start("driveidd", [*command, DAEMON, config])
         self.control = Control(self.folder / "c.sock", patience_s=60, check=self.programs.check)
+        # It answers before its buses are open, and what is sent in between nobody hears.
+        self.until(lambda s: all(source["state"] == "open" for source in s["sources"]), 60, "the buses being open")
 
     def status(self):
         return self.control.ask("status", timeout_s=30)
