@@ -48,7 +48,7 @@ void Drive::take(const Drive& o) {
     counters_ = o.counters_;
     first_ns_ = o.first_ns_, last_ns_ = o.last_ns_, next_report_ns_ = o.next_report_ns_, first_after_restart_ns_ = o.first_after_restart_ns_;
     mean_dt_s_ = o.mean_dt_s_, jitter_ns_ = o.jitter_ns_, first_trusted_s_ = o.first_trusted_s_;
-    restarts_seen_ = o.restarts_seen_, restarted_ = o.restarted_, alarm_ = o.alarm_, alarm_since_ns_ = o.alarm_since_ns_, likely_ = o.likely_, withheld_ = o.withheld_;
+    restarts_before_ = o.restarts_before_, restarts_seen_ = o.restarts_seen_, restarted_ = o.restarted_, alarm_ = o.alarm_, alarm_since_ns_ = o.alarm_since_ns_, likely_ = o.likely_, withheld_ = o.withheld_;
 }
 
 // With a watch the residual is that of the loaded model's torque or force balance, else the estimator's first equation.
@@ -306,6 +306,13 @@ void Drive::follow_watch() {
     if (effect && effect != likely_)
         log_event(Level::warning, config_.name.c_str(), "model", "explain a record of it: driveid explain",
                   "the model no longer explains this drive; likely effect: %s; most of it %s", effect, driveid_watch_regime_name(w->regime));
+    // The sums still hold the drive as it was: mixed with what it is now they give values that are neither, for as long as they remember.
+    if (effect && effect != likely_ && is_change_of_parameter(effect) && !restarted_) {
+        driveid_estimator_restart(estimator());
+        restarts_before_ += estimate_.restarts + 1;
+        restarts_seen_ = estimate_.restarts = 0;
+        for (auto& p : parameters_) p.trusted = false;
+    }
     if (!mismatch && likely_) log_event(Level::info, config_.name.c_str(), "model", "", "the model explains this drive again");
     likely_ = effect;
 }

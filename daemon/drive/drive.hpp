@@ -80,6 +80,7 @@ public:
     double jitter_ns() const { return jitter_ns_; }
     double first_trusted_s() const { return first_trusted_s_; }
     int64_t alarm_since_ns() const { return alarm_since_ns_; }
+    uint32_t restarts() const { return restarts_before_ + estimate_.restarts; }
     bool alarm() const { return alarm_; }
     int index() const { return index_; }
     const char* residual_unit() const;
@@ -135,7 +136,7 @@ private:
     bool replayed_ = false;
     int64_t first_ns_ = 0, last_ns_ = 0, next_report_ns_ = 0, first_after_restart_ns_ = 0;
     double mean_dt_s_ = 0, jitter_ns_ = 0, first_trusted_s_ = -1;
-    uint32_t restarts_seen_ = 0;
+    uint32_t restarts_seen_ = 0, restarts_before_ = 0;   // of the estimator, before it was last begun anew
     bool gap_told_ = false;          // this one is counted
     bool restarted_ = false, alarm_ = false, resting_ = false, was_resting_ = false;
     bool withheld_ = false;   // the model lacks an effect: its parameters are not trusted

@@ -106,3 +106,35 @@ def test_parameters_that_a_missing_effect_bends_are_not_called_valid(tmp_path, e
     valid = sum(any(p["valid"] for p in e["parameters"]) for e in during)
     assert valid > 0.5 * len(during) if trusted else valid == 0, (valid, len(during))
     assert trusted or all(e["state"] != "valid" for e in during)
+
+
+@pytest.mark.parametrize("rate", [250, 500])
+@pytest.mark.parametrize("seed", range(21, 31))
+def test_drawn_drives_are_identified_and_followed_through_a_change_of_load(tmp_path, seed, rate):
+    """The rule of the main job, for 3 s on end before and after: truth within three half-widths and 5 %. Sums that still held the drive as it was gave J between
+    the old and the new for half a minute, called valid."""
+    factor = random.Random(seed).choice([0.6, 0.7, 1.4, 1.7, 2.0])
+    subprocess.run([SIM, "run", "--bus", "log:frames.log", "--seed", str(seed), "--duration", "80", "--rate", str(rate), "--average", "--load-change-at", str(CHANGE_S), "--factor", str(factor),
+                    "--truth", "truth.json", "--config", "gw.toml", "--socket", tmp_path / "gw.sock"], cwd=tmp_path, check=True, capture_output=True, timeout=120 * SLOW)
+    text = (tmp_path / "gw.toml").read_text().replace("speed = 1.0", "speed = 0.0").replace("[[source]]", '[record]\nfolder = "."\nfile = "out.drec"\n\n[[source]]', 1)
+    (tmp_path / "gw.toml").write_text(text)
+    subprocess.run([DAEMON, "gw.toml", "--exit-at-end"], cwd=tmp_path, check=True, capture_output=True, timeout=120 * SLOW)
+    estimates = [json.loads(payload) for kind, _, _, payload in entries(tmp_path / "out.drec")[1] if kind == 6]
+    truths = [phase["drive"] for phase in json.loads((tmp_path / "truth.json").read_text())["phases"]]
+    for truth, begin, end in zip(truths, (0, CHANGE_S), (CHANGE_S, 80)):
+        since = None
+        for e in estimates:
+            t = (e["t_ns"] - estimates[0]["t_ns"]) * 1e-9
+            if begin < t < end:
+                since = (t if since is None else since) if all(holds(p, truth[p["name"]]) for p in e["parameters"] if p["name"] in truth) else None
+                if since is not None and t - since >= 3:
+                    break
+        else:
+            raise AssertionError((begin, truth["J_kgm2"], estimates[-1]["parameters"]))
+
+
+def holds(parameter, truth):
+    if not parameter["valid"]:
+        return False
+    off, half = abs(parameter["value"] - truth), (parameter["interval"][1] - parameter["interval"][0]) / 2
+    return off <= 3 * half and off <= 0.05 * abs(truth)

@@ -19,26 +19,14 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "clock.h"
+
 #define DRIVES_MAX 64
 #define BUSES_MAX 8
 #define CYCLE_S 20.0   /* a move and a rest */
 #define MOVE_S 5.0
 
 typedef struct axis { double theta, omega, decay, end_a, slow, phase_s; int16_t i_mA; } axis;
-
-static int64_t now_ns(void)
-{
-    struct timespec t;
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return (int64_t)t.tv_sec * 1000000000 + t.tv_nsec;
-}
-
-static void sleep_until(int64_t t_ns)
-{
-    struct timespec t = {t_ns / 1000000000, t_ns % 1000000000};
-    while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &t, NULL) == EINTR) {
-    }
-}
 
 static void axis_init(axis *a, int k, double dt_s)
 {

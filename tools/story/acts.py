@@ -53,7 +53,7 @@ def live_acts(given, programs):
     rate_Hz = rate_on(given)
     factor, change_s = luck.choice([0.6, 0.7, 1.4, 1.7, 2.0]), given.seconds
     console.print(f"drive: rigid_axis drawn from seed {given.seed}, on {address}; its load inertia changes by a factor {factor:g} after {change_s:g} s")
-    programs.start("driveid-sim", [SIM, "run", "--bus", address, "--seed", given.seed, "--rate", rate_Hz, "--load-change-at", change_s,
+    programs.start("driveid-sim", [SIM, "run", "--bus", address, "--seed", given.seed, "--rate", rate_Hz, "--average", "--load-change-at", change_s,
                                    "--factor", factor, "--truth", "truth.json", "--config", "driveidd.toml", "--socket", folder / "control.sock"])
     wait_for((folder / "truth.json").exists, 15, "the simulated drive's start", programs.check)
     began = time.monotonic()

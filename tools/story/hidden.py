@@ -58,7 +58,7 @@ def start(given, programs, effect):
     folder, on_can = programs.folder, given.inside == "vcan"
     address = "can:vcan0" if on_can else f"modbus:127.0.0.1:{free_port()}"
     config = folder / "hidden.toml"
-    programs.start("driveid-sim-hidden", [SIM, "run", "--bus", address, "--seed", given.seed + 1, "--rate", rate_on(given), "--effect", effect, "--effect-at", EFFECT_AT_S, "--size", 1,
+    programs.start("driveid-sim-hidden", [SIM, "run", "--bus", address, "--seed", given.seed + 1, "--rate", rate_on(given), "--average", "--effect", effect, "--effect-at", EFFECT_AT_S, "--size", 1,
                                           "--truth", "hidden.json", "--config", config, "--socket", folder / "hidden.sock", "--record-folder", folder])
     wait_for((folder / "hidden.json").exists, 15, "the simulated drive's start", programs.check)
     text = config.read_text().replace("[control]\n", f'[control]\nwrite_group = "{grp.getgrgid(os.getgid()).gr_name}"\n', 1)
