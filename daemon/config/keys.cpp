@@ -91,6 +91,7 @@ const Key<D> kDrive[] = {
     {"report_s", &D::report_s, "s", 0.001, 3600, "0.1", "", "time between two estimates, in the time of the samples", ""},
     {"stale_s", &D::stale_s, "s", 0.001, 3600, "1", "", "silence after which parameters are no longer valid", ""},
     {"alarm", &D::alarm, "", -1, 1e6, "0", "", "residual alarm threshold of the estimator; 0 its default, negative never", ""},
+    {"speed_range", &D::speed_range, "rad/s, m/s", 0, kAny, "0", "", "type q31: |speed| that the drive stays within, where the speed is no signal", ""},
     {"watch", &D::watch, "", 0, 0, "true", "", "run the loaded model beside the drive and say when it no longer explains it, and the likely effect", ""},
     {"record_samples", &D::record_samples, "", 0, 0, "true", "", "write decoded samples into the record, beside the frames", ""},
 };

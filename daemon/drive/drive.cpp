@@ -10,6 +10,7 @@
 namespace gw {
 
 namespace {
+constexpr int64_t kChangeNs = 2 * DRIVEID_NS_PER_S;     // a residual alarm and the watch see one change within this
 constexpr int64_t kAlarmHoldNs = 30 * DRIVEID_NS_PER_S;  // a restart is a mismatch for this long in the drive's time
 }
 
@@ -166,19 +167,25 @@ void Drive::values(uint32_t mask, const double* value, const driveid_stamp& stam
     driveid_sample s;
     if (!aligner_.add(mask, value, stamp, s)) return;
     if (config_.paced) s.stamp.t_ns = pacer_.instant(s.stamp.t_ns, config_.has_counter ? counted_ : 0);
+    if (config_.paced && pacer_.torn()) tear();
     sample(s);
 }
 
 void Drive::gap(int source, uint64_t lost) {
     if (!uses(source)) return;
     counters_.dropped += lost;
+    tear();
+    aligner_.restart();
+    pacer_.restart();
+}
+
+// Between the last sample and the next one lies an unknown time.
+void Drive::tear() {
     ++counters_.gaps;
     gap_told_ = true;
     driveid_estimator_gap(estimator());
     driveid_online_gap(&online_);
     if (!watch_.empty()) driveid_watch_gap(watcher());
-    aligner_.restart();
-    pacer_.restart();
 }
 
 // What was said of the drive so far is no longer said: the watch begins anew too.
@@ -307,7 +314,8 @@ void Drive::follow_watch() {
         log_event(Level::warning, config_.name.c_str(), "model", "explain a record of it: driveid explain",
                   "the model no longer explains this drive; likely effect: %s; most of it %s", effect, driveid_watch_regime_name(w->regime));
     // The sums still hold the drive as it was: mixed with what it is now they give values that are neither, for as long as they remember.
-    if (effect && effect != likely_ && is_change_of_parameter(effect) && !restarted_) {
+    const bool anew = restarted_ && first_after_restart_ns_ + kChangeNs > w->since_ns;  // it has begun anew with this change already
+    if (effect && effect != likely_ && is_change_of_parameter(effect) && !anew) {
         driveid_estimator_restart(estimator());
         restarts_before_ += estimate_.restarts + 1;
         restarts_seen_ = estimate_.restarts = 0;

@@ -97,12 +97,14 @@ private:
     void make_signals(const Config& all);
     void make_estimator(uint32_t present);
     void values(uint32_t mask, const double* value, const driveid_stamp& stamp);
+    void tear();
     bool counter_says_skip(uint64_t now, unsigned bits, bool each);
     void sample(const driveid_sample& sample);
     void timing(int64_t t_ns);
     void report();
     void forget_alarm();
     void residual_alarm(const driveid_estimate& e);
+    void declare_ranges(double* channel_range) const;
     void make_watch();
     void follow_watch();
     driveid_estimator* estimator() { return reinterpret_cast<driveid_estimator*>(estimator_.data()); }

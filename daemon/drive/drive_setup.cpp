@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Building a drive from its configuration: model, signals, estimator.
+#include <algorithm>
 #include <cstring>
 #include <fstream>
 #include <sstream>
@@ -119,12 +120,7 @@ void Drive::make_estimator(uint32_t present) {
     options.forgetting_s = config_.forgetting_s;
     options.gap_s = config_.gap_s;
     options.alarm = config_.alarm;
-    double range[DRIVEID_SIGNAL_COUNT] = {};
-    for (const auto& c : config_.signals) {
-        driveid_signal signal;
-        if (driveid_signal_from_name(c.name.c_str(), &signal) == DRIVEID_OK) range[signal] = c.range;
-    }
-    driveid_online_ranges(&online_, range, options.range);
+    if (type == DRIVEID_Q31) declare_ranges(options.range);
     s = driveid_estimator_configure(estimator(), size, config_.method.c_str(), type, &online_.regression, &options, reason, sizeof reason);
     if (s != DRIVEID_OK) throw std::runtime_error(clean(reason, s));
     make_watch();
@@ -133,6 +129,24 @@ void Drive::make_estimator(uint32_t present) {
         snprintf(parameters_[k].name, sizeof parameters_[k].name, "%s", online_.physical_name[k]);
         snprintf(parameters_[k].unit, sizeof parameters_[k].unit, "%s", online_.physical_unit[k]);
     }
+}
+
+// Scales of a fixed-point estimator. The speed may be none of the signals and still be in the equations (psi_pm omega): then the drive declares it.
+void Drive::declare_ranges(double* channel_range) const {
+    double range[DRIVEID_SIGNAL_COUNT] = {};
+    std::string missing;
+    for (const auto& c : config_.signals) {
+        driveid_signal signal;
+        driveid_signal_from_name(c.name.c_str(), &signal);
+        range[signal] = c.range;
+        if (c.range <= 0 && (online_.present >> signal & 1)) missing += " " + c.name;
+    }
+    if (!missing.empty()) throw std::runtime_error("type q31 needs `range` of the signals" + missing);
+    for (const auto signal : {DRIVEID_SIGNAL_OMEGA_RAD_S, DRIVEID_SIGNAL_V_M_S})
+        if (range[signal] <= 0) range[signal] = config_.speed_range;
+    driveid_online_ranges(&online_, range, channel_range);
+    if (std::any_of(channel_range, channel_range + online_.regression.channels, [](double r) { return r <= 0; }))
+        throw std::runtime_error("type q31 needs `speed_range`: the speed, which is no signal here, stands in the equations");
 }
 
 // The loaded model beside the drive; a structure without a torque or force balance has nothing to watch. Storage is kept over restarts.

@@ -14,6 +14,7 @@ constexpr uint64_t kPeriodsMax = 1000000;
 int64_t Pacer::instant(int64_t arrival_ns, uint64_t periods) {
     const int64_t since = arrival_ns - last_arrival_ns_;
     last_arrival_ns_ = arrival_ns;
+    torn_ = false;
     if (!running_ || since > silence_ns_ || since < -silence_ns_) {
         running_ = true;
         steady_ = 0;
@@ -25,8 +26,10 @@ int64_t Pacer::instant(int64_t arrival_ns, uint64_t periods) {
     steady_ = !periods && regular && arrival_ns - expected >= period_ns_ / 2 ? steady_ + 1 : 0;
     if (steady_ >= kSteadyRow) {
         steady_ = 0;
+        torn_ = true;
         return last_ns_ = arrival_ns;
     }
+    torn_ = 2 * (expected - arrival_ns) >= period_ns_;
     // Never back, and never onto the last instant.
     last_ns_ = std::max(std::min(arrival_ns, expected), last_ns_ + period_ns_ / 4);
     return last_ns_;

@@ -66,6 +66,23 @@ TEST(Pace, TheDrivesOwnCounterSaysHowManyPeriods) {
     EXPECT_LT(worst, 5e4);
 }
 
+TEST(Pace, AStepThatIsNotTheDrivesIsTorn) {
+    // The first frame waited 8 ms and seven more with it; then they come on time.
+    gw::Pacer pacer(kPeriod, kSilence);
+    int torn = 0;
+    int64_t last = 0;
+    for (int k = 0; k < 2000; ++k) {
+        const int64_t sampled = 1000000000 + k * kPeriod, arrival = std::max<int64_t>(sampled + 20000, 1008000000);
+        const int64_t got = pacer.instant(arrival, 1);
+        torn += pacer.torn();
+        if (k > 0 && !pacer.torn()) EXPECT_NEAR(double(got - last), double(kPeriod), 0.5 * kPeriod) << k;
+        if (k > 20) EXPECT_NEAR(double(got), double(sampled), 5e4) << k;
+        last = got;
+    }
+    EXPECT_GE(torn, 1);
+    EXPECT_LE(torn, 11);  // at least a quarter period a step: 8 ms are made up by 0.75 ms each
+}
+
 TEST(Pace, SilenceBeginsAnewAndTimeNeverRunsBack) {
     gw::Pacer pacer(kPeriod, kSilence);
     int64_t last = pacer.instant(1000);

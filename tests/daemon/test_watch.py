@@ -113,9 +113,41 @@ def test_parameters_that_a_missing_effect_bends_are_not_called_valid(tmp_path, e
 def test_drawn_drives_are_identified_and_followed_through_a_change_of_load(tmp_path, seed, rate):
     """The rule of the main job, for 3 s on end before and after: truth within three half-widths and 5 %. Sums that still held the drive as it was gave J between
     the old and the new for half a minute, called valid."""
+    drawn_log(tmp_path, seed, rate)
+    followed(tmp_path)
+
+
+@pytest.mark.parametrize("seed", [3, 21, 123])
+def test_a_change_is_followed_though_the_estimator_began_anew_shortly_before(tmp_path, seed):
+    """A fault (the current reads wrong for 0.3 s) makes the estimator begin anew. That it did must not be taken for having followed the change that comes later."""
+    drawn_log(tmp_path, seed, 250)
+    lines = (tmp_path / "frames.log").read_text().splitlines()
+    first = stamp(lines[0])
+    moved = [spoilt(line) if 33 < stamp(line) - first < 33.3 and " 181#" in line else line for line in lines]
+    (tmp_path / "frames.log").write_text("\n".join(moved) + "\n")
+    estimates = followed(tmp_path)
+    begun = [e for e in estimates if 33 < (e["t_ns"] - estimates[0]["t_ns"]) * 1e-9 < CHANGE_S and not any(p["valid"] for p in e["parameters"])]
+    assert begun, "the fault was to make it begin anew"
+
+
+def stamp(line):
+    return float(line[1:line.index(")")])
+
+
+def spoilt(line):
+    """The current is the frame's first number, 16 bits, little end first."""
+    head, data = line.split("#")
+    return head + "#0020" + data[4:]
+
+
+def drawn_log(tmp_path, seed, rate):
     factor = random.Random(seed).choice([0.6, 0.7, 1.4, 1.7, 2.0])
     subprocess.run([SIM, "run", "--bus", "log:frames.log", "--seed", str(seed), "--duration", "80", "--rate", str(rate), "--average", "--load-change-at", str(CHANGE_S), "--factor", str(factor),
                     "--truth", "truth.json", "--config", "gw.toml", "--socket", tmp_path / "gw.sock"], cwd=tmp_path, check=True, capture_output=True, timeout=120 * SLOW)
+
+
+def followed(tmp_path):
+    """The estimates, where the rule was met before and after the change."""
     text = (tmp_path / "gw.toml").read_text().replace("speed = 1.0", "speed = 0.0").replace("[[source]]", '[record]\nfolder = "."\nfile = "out.drec"\n\n[[source]]', 1)
     (tmp_path / "gw.toml").write_text(text)
     subprocess.run([DAEMON, "gw.toml", "--exit-at-end"], cwd=tmp_path, check=True, capture_output=True, timeout=120 * SLOW)
@@ -131,6 +163,7 @@ def test_drawn_drives_are_identified_and_followed_through_a_change_of_load(tmp_p
                     break
         else:
             raise AssertionError((begin, truth["J_kgm2"], estimates[-1]["parameters"]))
+    return estimates
 
 
 def holds(parameter, truth):

@@ -21,8 +21,9 @@ import drec
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 BUILD = Path(os.environ.get("DRIVEID_BUILD", ROOT / "build"))
-TYPES = ["f64", "f32"]
+TYPES = ["f64", "f32", "q31"]
 EVERY_S = 0.5
+SPEED_RANGE_RAD_S = 500.0
 # Options of driveid-sim for each session: classic and FD, both byte orders, three structures, a change of load.
 MADE = {
     "rigid-classic": ["--structure", "rigid_axis", "--rate", "250", "--duration", "12", "--seed", "21", "--load-change-at", "6", "--factor", "1.5"],
@@ -55,11 +56,31 @@ def write_config(folder, kind, target, socket="control.sock", number_type="f64",
     document["source"].append(tomlkit.item(source))
     for drive in document["drive"]:
         drive["type"] = number_type
-        if kind == "socketcan":  # a player on a shared processor sends late and in bursts
-            drive |= {"paced": True, "gap_s": 0.05, "align_tolerance_s": 0.02}
+        if number_type == "q31":
+            declare_ranges(folder, drive)
+        if kind == "socketcan":  # a player on a shared processor sends late and in bursts: the drive's counter is the clock
+            drive |= {"paced": True, "gap_s": 0.05, "align_tolerance_s": 0.02, "counter": counter(folder)}
     if record:
         document["record"] = {"folder": str(record.parent), "file": record.name}
     target.write_text(tomlkit.dumps(document))
+
+
+def declare_ranges(folder, drive):
+    """q31 scales each signal by the range that is declared for it: half again the largest value of the session."""
+    values = decoded(folder)
+    drive["speed_range"] = SPEED_RANGE_RAD_S
+    for signal in drive["signal"]:
+        signal["range"] = float(f"{1.5 * max(map(abs, values[signal['name']])) or 1.0:.1e}")  # a signal that is always 0 needs one too
+
+
+def counter(folder):
+    """Where the drive's counter stands in its frames, by the database."""
+    message, signal = next((m, s) for m in database(folder).messages for s in m.signals if s.name == "counter")
+    return {"source": "bus", "can_id": message.frame_id, "start_bit": signal.start, "length": signal.length, "byte_order": signal.byte_order.split("_")[0]}
+
+
+def database(folder):
+    return cantools.database.load_file(folder / "frames.dbc")
 
 
 def replay(folder, number_type, work):
@@ -86,9 +107,9 @@ def trajectory(record):
 
 def decoded(folder):
     """{signal: [values in the order of the frames]} by cantools."""
-    database, out = cantools.database.load_file(folder / "frames.dbc"), {}
+    messages, out = database(folder), {}
     for identifier, data in frames(folder):
-        for signal, value in database.decode_message(identifier, data).items():
+        for signal, value in messages.decode_message(identifier, data).items():
             out.setdefault(signal, []).append(value)
     return out
 

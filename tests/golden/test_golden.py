@@ -26,9 +26,9 @@ def record(tmp_path_factory):
     return get
 
 
-def close(a, b):
-    """1e-9 of the number: room for another libm, none for another result."""
-    if a is None or b is None or isinstance(a, bool):
+def close(a, b, number_type):
+    """1e-9 of the number: room for another libm, none for another result. q31 has room for nothing: its sums are integers."""
+    if a is None or b is None or isinstance(a, bool) or number_type == "q31":
         return a == b
     return math.isclose(a, b, rel_tol=1e-9, abs_tol=1e-300)
 
@@ -44,7 +44,7 @@ def test_trajectory(record, name, number_type):
     assert [(row["t_s"], row["state"], list(row["parameters"])) for row in got] == [(row["t_s"], row["state"], list(row["parameters"])) for row in expected]
     for mine, theirs in zip(got, expected):
         for parameter, values in theirs["parameters"].items():
-            assert all(map(close, mine["parameters"][parameter], values)), f"at {mine['t_s']} s, {parameter}: {mine['parameters'][parameter]}, accepted {values}"
+            assert all(close(a, b, number_type) for a, b in zip(mine["parameters"][parameter], values, strict=True)), f"at {mine['t_s']} s, {parameter}: {mine['parameters'][parameter]}, accepted {values}"
 
 
 @pytest.mark.parametrize(("name", "number_type"), CASES)
