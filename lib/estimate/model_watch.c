@@ -9,12 +9,13 @@
 #define TOLERANCE 0.01       /* of the equation's largest term, rms: what the reference may be off by */
 #define STILL 0.0025         /* of the usual square of speed, and of acceleration */
 #define ASLEEP_S 2.0         /* of standstill, and nothing is computed any more */
+#define ROW 0.5              /* times 1/pole: between rows; the low-pass leaves nothing that changes faster */
 #define SETTLE 16.0          /* times 1/pole: until the start of the filters is forgotten */
 #define LEARN_S 5.0          /* of motion before the first reference, and beside it before the first mismatch */
 #define FRESH_S 0.5          /* of motion in the sums before they are looked at */
 #define NAME_S 0.5           /* of motion with the same name that earlier rows gave: a burst is no effect */
 #define PRODUCT_NAME_S 2.0   /* where the column has the torque as a factor: for a while it looks like any error of the torque */
-#define UNKNOWN_S 4.0        /* of motion beyond the limits before it is a mismatch that no effect explains */
+#define UNKNOWN_S 4.0        /* of motion beyond the limits, in a row, in which no effect explains it: a mismatch all the same */
 #define UNDECIDED_S 8.0      /* or whose name is still not settled */
 #define CALM_S 3.0           /* of motion below them in a row before it is none */
 #define SHARP 0.003          /* of the equation's largest term, rms: uncertainty of an answer that refines the reference */
@@ -78,14 +79,13 @@ static void find_motion(driveid_watch *w, unsigned *order) {
     w->online.delayed = w->motion_derivative > 0 ? DRIVEID_ONLINE_DELAY : 0;
 }
 
-static void make_banks(driveid_watch *w, unsigned order, double pole_rad_s) {
-    uint8_t level[DRIVEID_BANK_CHANNELS], hold[DRIVEID_BANK_CHANNELS];
+static void make_filters(driveid_watch *w, unsigned order, double pole_rad_s) {
+    uint8_t level[DRIVEID_BANK_CHANNELS];
     const driveid_regression *r = &w->online.regression;
-    for (unsigned c = 0; c < DRIVEID_BANK_CHANNELS; c++) level[c] = 1, hold[c] = DRIVEID_HOLD_FIRST;
+    memset(level, 1, sizeof level);
     level[w->motion_channel] = 0;
     driveid_bank_init_f64(&w->base, r->channels, (uint8_t)(order + 2), pole_rad_s, r->hold, level);
-    level[w->motion_channel] = 1;
-    for (unsigned b = 0; b < WATCH_BANKS; b++) driveid_bank_init_f64(&w->bank[b], DRIVEID_BANK_CHANNELS, (uint8_t)(order + 2), pole_rad_s, hold, level);
+    watch_filter_init(&w->column, w->columns, order + 2, pole_rad_s);
 }
 
 driveid_status driveid_watch_init(driveid_watch *w, const driveid_online *online, double dt_s) {
@@ -100,9 +100,10 @@ driveid_status driveid_watch_init(driveid_watch *w, const driveid_online *online
     if (status) return status;
     w->from_file = w->has_reference;
     find_motion(w, &order);
+    if (order + 2 > WATCH_SECTIONS) return DRIVEID_ERR_CAPACITY;
     watch_list(w);
-    make_banks(w, order, pole);
-    w->row_ns = (int64_t)(0.5e9 / pole);
+    make_filters(w, order, pole);
+    w->row_ns = (int64_t)(ROW * 1e9 / pole);
     w->settle_ns = (int64_t)(SETTLE * 1e9 / pole);
     driveid_monitor_init(&w->monitor, 0);
     return DRIVEID_OK;
@@ -110,17 +111,12 @@ driveid_status driveid_watch_init(driveid_watch *w, const driveid_online *online
 
 /* ---- rows ---- */
 
-static void start(driveid_watch *w, int64_t t_ns, const double *channel, const double *column) {
+static void start(driveid_watch *w, int64_t t_ns, const double *channel) {
     driveid_bank_start_f64(&w->base, channel, NULL);
-    for (unsigned b = 0; b < WATCH_BANKS; b++) driveid_bank_start_f64(&w->bank[b], column + b * DRIVEID_BANK_CHANNELS, NULL);
+    watch_filter_start(&w->column);
     driveid_monitor_skip(&w->monitor);
-    w->start_ns = w->last_ns = w->last_row_ns = t_ns;
+    w->start_ns = w->last_row_ns = t_ns;
     w->running = 1;
-}
-
-static void step(driveid_watch *w, int64_t dt_ns, const double *channel, const double *column) {
-    driveid_bank_step_f64(&w->base, dt_ns, channel, NULL);
-    for (unsigned b = 0; b * DRIVEID_BANK_CHANNELS < w->columns; b++) driveid_bank_step_f64(&w->bank[b], dt_ns, column + b * DRIVEID_BANK_CHANNELS, NULL);
 }
 
 static void base_row(const driveid_watch *w, double *row) {
@@ -136,20 +132,19 @@ static void base_row(const driveid_watch *w, double *row) {
 }
 
 static void candidate_row(const driveid_watch *w, double *z) {
-    for (unsigned c = 0; c < w->columns; c++) z[c] = driveid_bank_value_f64(&w->bank[c / DRIVEID_BANK_CHANNELS], c % DRIVEID_BANK_CHANNELS, 0);
+    watch_filter_read(&w->column, z);
     for (unsigned i = 0; i < w->taps; i++) z[w->tap[i].column] = w->tap[i].factor * driveid_bank_value_f64(&w->base, w->tap[i].channel, w->tap[i].derivative);
+}
+
+static void add_product(double *restrict sum, const double *restrict z, const double *restrict by, double times, double decay, unsigned columns) {
+    for (unsigned i = 0; i < columns; i++) sum[i] = decay * sum[i] + z[i] * (by ? by[i] : times);
 }
 
 static void add_row(driveid_watch *w, const double *row, const double *z, double decay) {
     for (unsigned i = 0; i <= w->params; i++)
         for (unsigned j = 0; j <= w->params; j++) w->bb[i][j] = decay * w->bb[i][j] + row[i] * row[j];
-    for (unsigned k = 0; k < w->candidates; k++) {
-        const watch_candidate *c = &w->candidate[k];
-        for (unsigned i = c->first; i < c->first + (unsigned)c->columns; i++) {
-            for (unsigned j = 0; j <= w->params; j++) w->zb[i][j] = decay * w->zb[i][j] + z[i] * row[j];
-            for (unsigned j = 0; j < c->columns; j++) w->zz[i][j] = decay * w->zz[i][j] + z[i] * z[c->first + j];
-        }
-    }
+    for (unsigned j = 0; j <= w->params; j++) add_product(w->zb[j], z, NULL, row[j], decay, w->columns);
+    for (unsigned d = 0; d < WATCH_EACH; d++) add_product(w->zz[d], z, z + d, 0, decay, w->columns);
     w->weight = decay * w->weight + 1;
 }
 
@@ -209,33 +204,34 @@ static void clear_sums(driveid_watch *w) {
     memset(w->regime_weight, 0, sizeof w->regime_weight);
 }
 
-static int tied(const watch_finding *f, unsigned effect) {
+/* Effects beside the one that is said. */
+static void report_ties(driveid_watch *w, const watch_finding *f) {
+    driveid_watch_report *r = &w->report;
+    const unsigned said = w->candidate[w->said].effect, best = w->candidate[f->best].effect;
+    int place = said == best ? -1 : (int)f->ties - 1; /* of the best one: where the said one stands, or the last of those that found room */
     for (unsigned i = 0; i < f->ties; i++)
-        if (f->tie[i] == effect) return 1;
-    return 0;
+        if (f->tie[i] == said) place = (int)i;
+    r->ties = f->ties;
+    for (unsigned i = 0; i < f->ties; i++) r->tie[i] = driveid_effect_at((int)i == place ? best : f->tie[i])->name;
 }
 
 /* A name that was said stays while nothing is told from it. */
 static void report(driveid_watch *w, const watch_finding *f, int named) {
     driveid_watch_report *r = &w->report;
     if (!r->mismatch) r->since_ns = w->first_over_ns;
-    const int stays = r->mismatch && named && w->said >= 0 && tied(f, w->candidate[w->said].effect);
-    if (!stays) w->said = named ? f->best : -1;
+    const int stays = r->mismatch && named && f->said >= 0;
+    w->said = stays ? f->said : named ? f->best : -1;
     r->mismatch = 1;
-    const watch_candidate *c = w->said >= 0 ? &w->candidate[w->said] : NULL;
-    r->effect = c ? driveid_effect_at(c->effect)->name : "unknown";
-    r->order = c ? c->order : 0;
-    r->share = c ? f->share : 0;
-    r->ties = c ? f->ties : 0;
-    for (unsigned i = 0; i < r->ties; i++) {
-        const unsigned other = stays && f->tie[i] == c->effect ? w->candidate[f->best].effect : f->tie[i];
-        r->tie[i] = driveid_effect_at(other)->name;
-    }
+    r->effect = w->said >= 0 ? driveid_effect_at(w->candidate[w->said].effect)->name : "unknown";
+    r->order = w->said >= 0 ? w->candidate[w->said].order : 0;
+    r->share = w->said < 0 ? 0 : stays ? f->said_share : f->share;
+    r->ties = 0;
+    if (w->said >= 0) report_ties(w, f);
     r->regime = worst_regime(w);
 }
 
 static void no_mismatch(driveid_watch *w) {
-    w->over_s = w->calm_s = w->name_s = 0;
+    w->over_s = w->unnamed_s = w->calm_s = w->name_s = 0;
     w->name = w->said = -1;
     w->named_before = 0;
     w->report.mismatch = 0;
@@ -249,7 +245,10 @@ static int explained(const watch_finding *f) { return f->best >= 0 && f->share >
 
 /* A name is said once two stretches of motion, one after the other, gave the same. */
 static int settled(driveid_watch *w, int name, double motion_s) {
-    if (name < 0) return 0;
+    if (name < 0) {
+        w->name_s = 0;
+        return 0;
+    }
     const int same = watch_alike(w, name, w->name);
     w->name_s = same ? w->name_s + motion_s : 0;
     if (!same) w->named_before = 0;
@@ -291,12 +290,13 @@ static void look(driveid_watch *w, double motion_s) {
         return;
     }
     w->over_s += motion_s;
+    w->unnamed_s = named ? 0 : w->unnamed_s + motion_s;
     if (settled(w, named && !f.open ? f.best : -1, motion_s)) report(w, &f, named);
-    else if (!w->report.mismatch && w->over_s >= (named ? UNDECIDED_S : UNKNOWN_S)) report(w, &f, named);
+    else if (!w->report.mismatch && (named ? w->over_s >= UNDECIDED_S : w->unnamed_s >= UNKNOWN_S)) report(w, &f, named);
 }
 
 static void row(driveid_watch *w, double dt_s) {
-    double b[WATCH_BASE], z[WATCH_COLUMNS], drive2;
+    double b[WATCH_BASE], z[WATCH_COLUMNS + WATCH_EACH] = {0}, drive2;
     base_row(w, b);
     const double speed = driveid_bank_value_f64(&w->base, w->motion_channel, w->motion_derivative);
     const double accel = driveid_bank_value_f64(&w->base, w->motion_channel, w->motion_derivative + 1u);
@@ -322,7 +322,7 @@ static void row(driveid_watch *w, double dt_s) {
 }
 
 void driveid_watch_sample(driveid_watch *w, const driveid_sample *sample) {
-    double channel[DRIVEID_CHANNELS_MAX] = {0}, column[WATCH_BANKS * DRIVEID_BANK_CHANNELS] = {0};
+    double channel[DRIVEID_CHANNELS_MAX] = {0};
     if (w->online.mechanical < 0) return;
     const driveid_status status = driveid_online_channels(&w->online, sample, channel);
     if (status != DRIVEID_OK) {
@@ -336,13 +336,16 @@ void driveid_watch_sample(driveid_watch *w, const driveid_sample *sample) {
         w->asleep = 0;
         w->still_s = 0;
     }
-    watch_fill(w, column);
-    if (!w->running || dt_ns <= 0 || dt_ns > 10 * w->row_ns) {
-        start(w, t_ns, channel, column);
-        return;
+    const int starts = !w->running || dt_ns <= 0 || dt_ns > 10 * w->row_ns;
+    if (starts) {
+        start(w, t_ns, channel);
+    } else {
+        driveid_bank_step_f64(&w->base, dt_ns, channel, NULL);
+        watch_filter_step(&w->column, dt_ns);
     }
-    step(w, dt_ns, channel, column);
+    watch_fill(w, w->column.last);
     w->last_ns = t_ns;
+    if (starts) return;
     const int64_t since = t_ns - w->last_row_ns;
     if (since + dt_ns / 2 < w->row_ns) return;
     w->last_row_ns = t_ns;

@@ -85,10 +85,14 @@ void watch_list(driveid_watch *w) {
     add_fed(w, "load_dependent_friction", 0);
     add_fed(w, "torque_saturation", 2);
     for (int k = 0; k < 3; k++) add_fed(w, "stribeck", slow * pow(4, k));
+    w->periodic = w->candidates;
     if (!angle) return;
     add_fed(w, "gravity_unbalance", 0);
     for (int n = 1; n <= 2; n++) add_fed(w, "eccentric_friction", n);
+    w->periodic = w->candidates;
+    w->cogging = w->columns;
     for (int n = 2; n <= WATCH_ORDERS; n++) add_fed(w, "cogging", n);
+    w->ripple = w->columns;
     for (int n = 1; n <= WATCH_ORDERS / 2; n++) add_fed(w, "torque_ripple", n);
 }
 
@@ -103,41 +107,29 @@ static driveid_effect_state state_of(const driveid_watch *w) {
     return x;
 }
 
-/* sin and cos of n angle for n = 1, 2, ... by turning on; where an order turns too fast for the samples it is left out. */
+/* sin and cos of n angle for n = 1, 2, ...: odd and even n each turn on by twice the angle. An order that turns too fast for the samples is left out. */
 static void fill_periodic(const driveid_watch *w, const driveid_effect_state *x, double *column) {
-    const double s1 = sin(x->angle), c1 = cos(x->angle), per_sample = fabs(x->speed) * x->dt_s;
-    double s[WATCH_ORDERS + 1], c[WATCH_ORDERS + 1];
-    s[0] = 0, c[0] = 1;
-    for (int n = 1; n <= WATCH_ORDERS; n++) {
-        s[n] = s[n - 1] * c1 + c[n - 1] * s1;
-        c[n] = c[n - 1] * c1 - s[n - 1] * s1;
+    const double s1 = sin(x->angle), c1 = cos(x->angle), s2 = 2 * s1 * c1, c2 = 1 - 2 * s1 * s1, per_sample = fabs(x->speed) * x->dt_s;
+    const int fastest = per_sample * WATCH_ORDERS > 1 ? (int)(1 / per_sample) : WATCH_ORDERS;
+    double pair[2 * WATCH_ORDERS + 4] = {s1, c1, s2, c2}; /* of order n at 2 (n - 1) */
+    for (int k = 4; k < 2 * fastest; k += 2) {
+        pair[k] = pair[k - 4] * c2 + pair[k - 3] * s2;
+        pair[k + 1] = pair[k - 3] * c2 - pair[k - 4] * s2;
     }
-    const int ripple = index_of("torque_ripple"), cogging = index_of("cogging");
-    for (unsigned k = 0; k < w->candidates; k++) {
-        const watch_candidate *q = &w->candidate[k];
-        if (q->effect != ripple && q->effect != cogging) continue;
-        const int n = (int)q->order;
-        const double size = n * per_sample > 1 ? 0 : q->effect == ripple ? x->torque : 1;
-        column[q->first] = size * s[n];
-        column[q->first + 1] = size * c[n];
-    }
+    const int cogging = fastest, ripple = fastest < WATCH_ORDERS / 2 ? fastest : WATCH_ORDERS / 2;
+    if (cogging > 1) memcpy(column + w->cogging, pair + 2, 2 * (size_t)(cogging - 1) * sizeof *pair);
+    for (int k = 0; k < 2 * ripple; k++) column[w->ripple + k] = x->torque * pair[k];
 }
 
 void watch_fill(const driveid_watch *w, double *column) {
     const driveid_effect_state x = state_of(w);
     double memory[DRIVEID_EFFECT_MEMORY] = {0};
     memset(column, 0, WATCH_COLUMNS * sizeof *column);
-    for (unsigned k = 0; k < w->candidates; k++) {
+    for (unsigned k = 0; k < w->periodic; k++) {
         const watch_candidate *c = &w->candidate[k];
         const driveid_effect_info *info = driveid_effect_at(c->effect);
-        if (c->own || info->columns == 0 || c->order > 0) continue;
-        (void)driveid_effect_columns(info, c->shape, &x, memory, column + c->first);
+        if (!c->own && info->columns) (void)driveid_effect_columns(info, c->shape, &x, memory, column + c->first);
     }
-    if (w->candidates > 1 && w->candidate[1].columns > 1) column[w->candidate[1].first] = x.direction; /* of friction_drift */
-    for (unsigned k = 0; k < w->candidates; k++) {
-        const watch_candidate *c = &w->candidate[k];
-        const driveid_effect_info *info = driveid_effect_at(c->effect);
-        if (c->order > 0 && info->columns == 3) (void)driveid_effect_columns(info, c->shape, &x, memory, column + c->first);
-    }
-    fill_periodic(w, &x, column);
+    if (w->candidate[1].columns > 1) column[w->candidate[1].first] = x.direction; /* of friction_drift */
+    if (w->periodic < w->candidates) fill_periodic(w, &x, column);
 }

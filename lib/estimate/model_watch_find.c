@@ -50,10 +50,10 @@ static double gain(double *zz, double *zr, unsigned n) {
 
 static void products(const driveid_watch *w, const watch_candidate *c, const double *theta, double *zz, double *zr) {
     for (unsigned i = 0; i < c->columns; i++) {
-        const double *zb = w->zb[c->first + i];
-        zr[i] = zb[w->params];
-        for (unsigned p = 0; p < w->params; p++) zr[i] -= zb[p] * theta[p];
-        for (unsigned j = 0; j < c->columns; j++) zz[i * WATCH_EACH + j] = w->zz[c->first + i][j];
+        const unsigned at = c->first + i;
+        zr[i] = w->zb[w->params][at];
+        for (unsigned p = 0; p < w->params; p++) zr[i] -= w->zb[p][at] * theta[p];
+        for (unsigned j = i; j < c->columns; j++) zz[i * WATCH_EACH + j] = zz[j * WATCH_EACH + i] = w->zz[j - i][at];
     }
 }
 
@@ -88,7 +88,7 @@ static double gain_beyond(const driveid_watch *w, const watch_candidate *c, cons
     double lz[WATCH_EACH][WATCH_BASE], zz[WATCH_EACH * WATCH_EACH], zr[WATCH_EACH];
     products(w, c, theta, zz, zr);
     for (unsigned i = 0; i < c->columns; i++) {
-        memcpy(lz[i], w->zb[c->first + i], w->params * sizeof(double));
+        for (unsigned p = 0; p < w->params; p++) lz[i][p] = w->zb[p][c->first + i];
         forward(b->l, w->params, WATCH_BASE, lz[i]);
     }
     for (unsigned i = 0; i < c->columns; i++) {
@@ -122,7 +122,21 @@ int watch_alike(const driveid_watch *w, int a, int b) {
 
 static double least_t2(const driveid_watch *w, unsigned k) { return w->name >= 0 && watch_alike(w, (int)k, w->name) ? T2_AGAIN : T2_LEAST; }
 
-/* First with a free base: no error of the reference in disguise, and the level of the noise; then with one as free as its spread. */
+static int certain(const driveid_watch *w, unsigned k, double taken, double left) {
+    return statistic(taken, left, w->weight, w->candidate[k].columns) >= least_t2(w, k);
+}
+
+static int any_alone(const driveid_watch *w, const double *theta, double rr, gains *g) {
+    int any = 0;
+    for (unsigned k = 0; k < w->candidates; k++) {
+        g->alone[k] = gain_alone(w, &w->candidate[k], theta);
+        g->certain[k] = certain(w, k, g->alone[k], rr - g->alone[k]);
+        any |= g->certain[k];
+    }
+    return any;
+}
+
+/* With a free base: no error of the reference in disguise, and the level of the noise; then with one as free as its spread. */
 static base_part weigh_all(const driveid_watch *w, const double *theta, const double *br, double rr, double drive, gains *g) {
     double weight[WATCH_BASE] = {0};
     const base_part free_base = base_of(w, br, rr, weight);
@@ -130,17 +144,14 @@ static base_part weigh_all(const driveid_watch *w, const double *theta, const do
     for (unsigned k = 0; k < w->candidates; k++) {
         const watch_candidate *c = &w->candidate[k];
         const double more = free_base.ok && !c->own ? gain_beyond(w, c, theta, &free_base) : 0;
-        g->allowed[k] = c->own || statistic(more, free_base.rr - more, w->weight, c->columns) >= least_t2(w, k);
+        g->allowed[k] = c->own || certain(w, k, more, free_base.rr - more);
         least = fmin(least, free_base.rr - more);
     }
     weights(w, drive, fmax(least, 1e-9 * rr) / w->weight, weight);
     const base_part base = base_of(w, br, rr, weight);
     for (unsigned k = 0; k < w->candidates; k++) {
-        const watch_candidate *c = &w->candidate[k];
-        g->alone[k] = gain_alone(w, c, theta);
-        g->beyond[k] = base.ok ? gain_beyond(w, c, theta, &base) : 0;
-        const double t2 = fmin(statistic(g->alone[k], rr - g->alone[k], w->weight, c->columns), statistic(g->beyond[k], base.rr - g->beyond[k], w->weight, c->columns));
-        g->certain[k] = t2 >= least_t2(w, k);
+        g->beyond[k] = base.ok ? gain_beyond(w, &w->candidate[k], theta, &base) : 0;
+        g->certain[k] = g->certain[k] && certain(w, k, g->beyond[k], base.rr - g->beyond[k]);
     }
     return base;
 }
@@ -156,6 +167,12 @@ static void tie(const driveid_watch *w, watch_finding *f, unsigned k) {
 /* A change of what the model has, then fewest columns, then the first of the list. */
 static int plainer(const watch_candidate *a, const watch_candidate *b) { return a->own != b->own ? a->own > b->own : a->columns < b->columns; }
 
+/* Of what has the said name: that candidate itself, else the one that takes most. */
+static int keeps(const driveid_watch *w, const gains *g, int k, int so_far) {
+    if (w->said < 0 || w->candidate[k].effect != w->candidate[w->said].effect || so_far == w->said) return 0;
+    return k == w->said || so_far < 0 || g->beyond[k] > g->beyond[so_far];
+}
+
 /* The plainest of those that the sums cannot tell from the best. */
 static void choose(const driveid_watch *w, const gains *g, const base_part *base, double rr, watch_finding *f) {
     double most = 0, contender = 0;
@@ -169,17 +186,19 @@ static void choose(const driveid_watch *w, const gains *g, const base_part *base
     for (unsigned k = 0; k < w->candidates; k++) {
         if (!g->allowed[k] || g->beyond[k] < most - near) continue;
         if (f->best < 0 || plainer(&w->candidate[k], &w->candidate[f->best])) f->best = (int)k;
+        if (keeps(w, g, (int)k, f->said)) f->said = (int)k;
     }
     for (unsigned k = 0; k < w->candidates; k++)
         if (g->allowed[k] && g->beyond[k] >= most - near) tie(w, f, k);
     f->open = contender > most + near;
     f->share = base->rr > 0 ? g->beyond[f->best] / base->rr : 0;
+    f->said_share = base->rr > 0 && f->said >= 0 ? g->beyond[f->said] / base->rr : 0;
     f->size2 = g->alone[f->best] / w->weight;
 }
 
 watch_finding watch_find(const driveid_watch *w, const double *theta) {
     const unsigned p = w->params;
-    watch_finding f = {.best = -1};
+    watch_finding f = {.best = -1, .said = -1};
     if (!(w->weight > 0)) return f;
     double rr = w->bb[p][p], drive = rr, br[WATCH_BASE] = {0};
     for (unsigned i = 0; i < p; i++) {
@@ -192,6 +211,7 @@ watch_finding watch_find(const driveid_watch *w, const double *theta) {
     f.r2 = rr / w->weight;
     f.drive2 = drive / w->weight;
     gains g;
+    if (!any_alone(w, theta, rr, &g)) return f;
     const base_part base = weigh_all(w, theta, br, rr, drive, &g);
     choose(w, &g, &base, rr, &f);
     return f;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* How a watch is laid out.
  *
- *   sample -> channels (online) -> bank of the equation's channels, banks of the candidates' columns -> row -> sums that forget -> verdict
+ *   sample -> channels (online) -> bank of the equation's channels, low-pass of the candidates' columns -> row -> sums that forget -> verdict
  *
  * A row has the base columns (the equation's unknown terms, then y) and the candidates' columns z. Kept are base x base, z x base and z x z within
  * each candidate: enough for what any candidate would take of the residual, at any theta. */
@@ -12,12 +12,11 @@
 #include <driveid/watch.h>
 
 #include "base/bank.h"
+#include "model_watch_filter.h"
 
 #define WATCH_CANDIDATES 96
-#define WATCH_COLUMNS 176
 #define WATCH_BASE 10          /* unknown terms of the mechanical equation, and y */
 #define WATCH_EACH 3           /* columns of one candidate */
-#define WATCH_BANKS ((WATCH_COLUMNS + DRIVEID_BANK_CHANNELS - 1) / DRIVEID_BANK_CHANNELS)
 #define WATCH_MEMORY_S 5.0     /* of motion */
 #define WATCH_LOOK_S 0.1
 #define WATCH_ORDERS 48        /* highest order per turn of cogging; half of it for ripple */
@@ -40,13 +39,15 @@ struct driveid_watch {
     uint8_t params;            /* base columns: these and y */
     uint8_t place[DRIVEID_THETA_MAX];     /* base column of each theta, params where it is not in the equation */
     uint8_t candidates, columns, taps;
+    uint8_t periodic;          /* first candidate that is an order per turn of cogging or ripple */
+    uint8_t cogging, ripple;   /* first columns of their orders */
     uint8_t has_reference, from_file, running, asleep;
     uint8_t motion_channel, motion_derivative;
     watch_candidate candidate[WATCH_CANDIDATES];
     watch_tap tap[4];
     double reference[WATCH_BASE], sigma[WATCH_BASE]; /* by base column: value and its standard deviation */
     int64_t last_ns, start_ns, last_row_ns, row_ns, settle_ns, first_over_ns;
-    double still_s, look_s, motion_s, over_s, calm_s, name_s;
+    double still_s, look_s, motion_s, over_s, unnamed_s, calm_s, name_s;
     int said;                  /* candidate whose name the report has, -1: none */
     int name;                  /* candidate that takes most (-1: none), the same for name_s of motion */
     uint8_t named_before;      /* by rows that the sums no longer have */
@@ -57,16 +58,16 @@ struct driveid_watch {
     double weight;
     double regime_r2[DRIVEID_WATCH_REGIMES], regime_weight[DRIVEID_WATCH_REGIMES], regime_usual[DRIVEID_WATCH_REGIMES];
     double bb[WATCH_BASE][WATCH_BASE];
-    double zb[WATCH_COLUMNS][WATCH_BASE];
-    double zz[WATCH_COLUMNS][WATCH_EACH]; /* with the columns of the same candidate */
+    double zb[WATCH_BASE][WATCH_COLUMNS];
+    double zz[WATCH_EACH][WATCH_COLUMNS]; /* zz[d][i]: column i times column i + d */
     driveid_watch_report report;
     driveid_bank_f64 base;
-    driveid_bank_f64 bank[WATCH_BANKS];
+    watch_filter column;
 };
 
 /* Candidates and their columns, from the catalogue. */
 void watch_list(driveid_watch *watch);
-/* Values of the columns behind banks at the sample in use. */
+/* Values of the columns at the sample in use, before the low-pass. */
 void watch_fill(const driveid_watch *watch, double *column);
 
 /* What the sums say at theta (by base column). */
@@ -74,6 +75,8 @@ typedef struct watch_finding {
     double r2, drive2;         /* mean squares of the residual and of the equation's largest term */
     int best;                  /* candidate, -1: none beyond chance */
     double share, size2;       /* of r'r beyond the reference's spread; mean square of what it takes */
+    int said;                  /* candidate of the name that the report has, where it is not told from the best, else -1 */
+    double said_share;
     int open;                  /* another one would take more, and is not yet told from an error of the reference */
     unsigned ties;
     uint8_t tie[DRIVEID_WATCH_TIES]; /* effects that the sums do not tell from it */
