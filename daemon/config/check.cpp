@@ -6,6 +6,7 @@
 
 #include <driveid/sample.h>
 
+#include "drive/shift.hpp"
 #include "config/config.hpp"
 #include "drive/field.hpp"
 
@@ -111,6 +112,7 @@ private:
         if (!d.sync.empty() && !seen.count(d.sync)) error(d.place, what + ".sync", "\"" + d.sync + "\" is no signal of this drive");
         if (std::none_of(d.signals.begin(), d.signals.end(), [](auto& s) { return s.wait; }) && !d.signals.empty())
             error(d.place, what, "all signals have wait = false: nothing would close a sample; leave it out for one");
+        if (std::abs(d.skew_s) > Shifter::kReach * d.dt_s) error(d.place, what + ".skew_s", "is beyond " + std::to_string(Shifter::kReach) + " dt_s; take whole samples off with the signals' delay_s");
         if (d.gap_s > 0 && d.gap_s < d.dt_s) error(d.place, what + ".gap_s", "is below dt_s");
     }
 

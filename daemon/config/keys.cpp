@@ -86,6 +86,7 @@ const Key<D> kDrive[] = {
     {"paced", &D::paced, "", 0, 0, "false", "", "the drive samples every dt_s exactly and frames arrive late by a varying time (serial or USB adapter, busy sender): instants follow dt_s", ""},
     {"count_s", &D::count_s, "s", 0, 60, "0", "", "paced: time between two counts of [drive.counter], where that is not dt_s (Modbus polls that see only some of the counts)", ""},
     {"align_tolerance_s", &D::align_tolerance_s, "s", 0, 60, "0", "", "values of one sample arrive within this; 0: half of dt_s", ""},
+    {"skew_s", &D::skew_s, "s", -1, 1, "0", "", "readings of currents, voltages and torque are older than their stamps by this, beside those of the motion: corrected; status shows it as estimated (at most 8 dt_s either way)", ""},
     {"sync", &D::sync, "", 0, 0, "", "", "signal whose arrival closes a sample; \"\": the sample closes when it is complete", ""},
     {"instant_can_id", &D::instant_can_id, "", -1, 0x7FF, "-1", "", "frame (CANopen SYNC: 0x80) whose arrival is the sampling instant of the values after it; -1 none", ""},
     {"report_s", &D::report_s, "s", 0.001, 3600, "0.1", "", "time between two estimates, in the time of the samples", ""},

@@ -52,6 +52,20 @@ void residual(JsonOut& o, const Drive& d) {
     o.close('}');
 }
 
+// Of the readings as they come: what is corrected, and what the watch still sees.
+void skew(JsonOut& o, const Drive& d) {
+    const driveid_watch_report* w = d.watch();
+    const double corrected_s = d.config().skew_s;
+    o.key("skew").open('{').key("value_s");
+    if (w && w->skew_known) {
+        const double value_s = corrected_s + w->skew_s;
+        o.number(value_s).key("interval_s").open('[').number(value_s - w->skew_half_s).number(value_s + w->skew_half_s).close(']');
+    } else {
+        o.null().key("interval_s").null();
+    }
+    o.field("corrected_s", corrected_s).close('}');
+}
+
 long memory_kB() {
     FILE* f = fopen("/proc/self/statm", "re");
     long size = 0, resident = 0;
@@ -72,6 +86,7 @@ void describe_drive(JsonOut& o, const Drive& d, int64_t now_ns) {
     o.field("restarts", d.restarts()).key("time_to_first_trusted_s");
     d.first_trusted_s() >= 0 ? o.number(d.first_trusted_s()) : o.null();
     residual(o, d);
+    skew(o, d);
     parameters(o, d, now_ns);
     o.field("missing", d.online().missing).close('}');
 }
@@ -112,6 +127,7 @@ void describe_estimate(JsonOut& o, const Drive& d, int64_t now_ns) {
     o.field("state", drive_state_name(d.state(now_ns)));
     parameters(o, d, now_ns);
     residual(o, d);
+    skew(o, d);
     o.close('}');
 }
 

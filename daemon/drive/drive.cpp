@@ -46,6 +46,7 @@ void Drive::take(const Drive& o) {
     counter_primed_ = o.counter_primed_, last_counter_ = o.last_counter_, instant_ns_ = o.instant_ns_;
     aligner_ = o.aligner_;
     pacer_ = o.pacer_;
+    shifter_ = o.shifter_;
     counters_ = o.counters_;
     first_ns_ = o.first_ns_, last_ns_ = o.last_ns_, next_report_ns_ = o.next_report_ns_, first_after_restart_ns_ = o.first_after_restart_ns_;
     mean_dt_s_ = o.mean_dt_s_, jitter_ns_ = o.jitter_ns_, first_trusted_s_ = o.first_trusted_s_;
@@ -168,7 +169,7 @@ void Drive::values(uint32_t mask, const double* value, const driveid_stamp& stam
     if (!aligner_.add(mask, value, stamp, s)) return;
     if (config_.paced) s.stamp.t_ns = pacer_.instant(s.stamp.t_ns, config_.has_counter ? counted_ : 0);
     if (config_.paced && pacer_.torn()) tear();
-    sample(s);
+    shifter_.add(s, [this](const driveid_sample& shifted) { sample(shifted); });
 }
 
 void Drive::gap(int source, uint64_t lost) {
@@ -186,6 +187,7 @@ void Drive::tear() {
     driveid_estimator_gap(estimator());
     driveid_online_gap(&online_);
     if (!watch_.empty()) driveid_watch_gap(watcher());
+    shifter_.restart();
 }
 
 // What was said of the drive so far is no longer said: the watch begins anew too.
@@ -203,6 +205,7 @@ void Drive::restart() {
     for (auto& s : registers_) s.scaler.forget();
     aligner_.restart();
     pacer_.restart();
+    shifter_.restart();
     status_ = DRIVEID_NOT_YET;
     for (auto& p : parameters_) p.trusted = false;
 }

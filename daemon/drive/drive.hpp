@@ -14,6 +14,7 @@
 #include "drive/align.hpp"
 #include "drive/field.hpp"
 #include "drive/pace.hpp"
+#include "drive/shift.hpp"
 #include "source/source.hpp"
 
 namespace gw {
@@ -96,6 +97,7 @@ private:
     void load_model(const Config& all);
     void make_signals(const Config& all);
     void make_estimator(uint32_t present);
+    void make_shifter(const Config& all, uint32_t waited);
     void values(uint32_t mask, const double* value, const driveid_stamp& stamp);
     void tear();
     bool counter_says_skip(uint64_t now, unsigned bits, bool each);
@@ -134,6 +136,7 @@ private:
     int64_t instant_ns_ = 0;         // stamp of the last frame that marks the sampling instant
     Aligner aligner_;
     Pacer pacer_;
+    Shifter shifter_;
     DriveCounters counters_;
     bool replayed_ = false;
     int64_t first_ns_ = 0, last_ns_ = 0, next_report_ns_ = 0, first_after_restart_ns_ = 0;

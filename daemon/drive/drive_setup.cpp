@@ -91,11 +91,21 @@ void Drive::make_signals(const Config& all) {
     }
     aligner_ = Aligner(align);
     pacer_ = Pacer(int64_t((config_.count_s > 0 ? config_.count_s : config_.dt_s) * 1e9), int64_t(std::max(50 * config_.dt_s, config_.gap_s) * 1e9));
+    make_shifter(all, align.waited);
     try {
         make_estimator(present);
     } catch (const std::runtime_error& e) {
         throw std::runtime_error(where(all, config_) + e.what());
     }
+}
+
+// Motion keeps its instants; what drives it is moved.
+void Drive::make_shifter(const Config& all, uint32_t waited) {
+    uint32_t motion = 0;
+    for (auto s : {DRIVEID_SIGNAL_THETA_RAD, DRIVEID_SIGNAL_OMEGA_RAD_S, DRIVEID_SIGNAL_THETA_L_RAD, DRIVEID_SIGNAL_OMEGA_L_RAD_S, DRIVEID_SIGNAL_X_M, DRIVEID_SIGNAL_V_M_S, DRIVEID_SIGNAL_Y}) motion |= 1u << s;
+    if (config_.skew_s != 0 && (!(waited & motion) || !(waited & ~motion)))
+        throw std::runtime_error(where(all, config_) + "skew_s lies between motion and what drives it: configure signals of both (wait = true), or remove it");
+    shifter_ = Shifter(int64_t(config_.skew_s * 1e9), waited & ~motion, int64_t((config_.gap_s > 0 ? config_.gap_s : 5 * config_.dt_s) * 1e9));
 }
 
 void Drive::make_estimator(uint32_t present) {

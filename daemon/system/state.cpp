@@ -37,6 +37,8 @@ std::string text_of(const std::vector<std::unique_ptr<Drive>>& drives) {
             o.open('{').field("name", p.name).field("value", p.value).field("lo", p.lo).field("hi", p.hi).field("age_s", d->age_s(p, now)).close('}');
         }
         const driveid_estimate& e = d->estimate();
+        o.close(']').key("names").open('[');
+        for (const auto& p : d->parameters()) o.string(p.name);
         o.close(']').key("theta").open('[');
         for (uint32_t k = 0; k < e.params; ++k) o.number(e.theta[k]);
         o.close(']').key("covariance").open('[');
@@ -99,7 +101,17 @@ int numbers(const nlohmann::json& o, const char* key, double* out, size_t room) 
     return n;
 }
 
+// The parameters that the drive identifies now, in their order: else the numbers belong to another model.
+bool same_names(const nlohmann::json& entry, const Drive& drive) {
+    const auto it = entry.find("names");
+    if (it == entry.end() || !it->is_array() || it->size() != drive.parameters().size()) return false;
+    for (size_t k = 0; k < it->size(); ++k)
+        if (!(*it)[k].is_string() || (*it)[k].get<std::string>() != drive.parameters()[k].name) return false;
+    return true;
+}
+
 void apply_estimate(const nlohmann::json& entry, Drive& drive) {
+    if (!same_names(entry, drive)) return;
     double theta[DRIVEID_THETA_MAX], covariance[DRIVEID_THETA_MAX * DRIVEID_THETA_MAX];
     const int n = numbers(entry, "theta", theta, std::size(theta));
     if (n > 0 && numbers(entry, "covariance", covariance, std::size(covariance)) == n * n) drive.remember(theta, covariance, uint32_t(n));

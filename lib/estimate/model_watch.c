@@ -103,6 +103,8 @@ driveid_status driveid_watch_init(driveid_watch *w, const driveid_online *online
     if (order + 2 > WATCH_SECTIONS) return DRIVEID_ERR_CAPACITY;
     watch_list(w);
     make_filters(w, order, pole);
+    w->dt_s = dt_s;
+    watch_skew_init(w);
     w->row_ns = (int64_t)(ROW * 1e9 / pole);
     w->settle_ns = (int64_t)(SETTLE * 1e9 / pole);
     driveid_monitor_init(&w->monitor, 0);
@@ -219,6 +221,7 @@ static void report_ties(driveid_watch *w, const watch_finding *f) {
 static void report(driveid_watch *w, const watch_finding *f, int named) {
     driveid_watch_report *r = &w->report;
     if (!r->mismatch) r->since_ns = w->first_over_ns;
+    if (!r->mismatch) watch_skew_clear(w); /* the drive is another one now */
     const int stays = r->mismatch && named && f->said >= 0;
     w->said = stays ? f->said : named ? f->best : -1;
     r->mismatch = 1;
@@ -309,6 +312,7 @@ static void row(driveid_watch *w, double dt_s) {
     const double decay = 1 - dt_s / WATCH_MEMORY_S;
     candidate_row(w, z);
     add_row(w, b, z, decay);
+    watch_skew_row(w, b, z, dt_s);
     w->motion_s += dt_s;
     if (!w->has_reference) return;
     const double r = residual_of(w, b, &drive2);

@@ -34,6 +34,16 @@ typedef struct watch_candidate {
 /* A column that is a derivative of a channel of the equation. */
 typedef struct watch_tap { uint8_t column, channel, derivative; double factor; } watch_tap;
 
+#define WATCH_GROUPS 10
+#define WATCH_SKEW (WATCH_BASE + 3)
+
+typedef struct watch_skew {
+    uint8_t terms, group;      /* 0 terms: not looked at */
+    uint8_t column[3];         /* of z, after the base columns; the slope of the driving signal is the last one */
+    double motion_s, block_s;
+    double sum[WATCH_GROUPS][WATCH_SKEW][WATCH_SKEW]; /* lower halves; y is the last row */
+} watch_skew;
+
 struct driveid_watch {
     driveid_online online;     /* with speed, whatever the model needs */
     uint8_t params;            /* base columns: these and y */
@@ -60,6 +70,8 @@ struct driveid_watch {
     double bb[WATCH_BASE][WATCH_BASE];
     double zb[WATCH_BASE][WATCH_COLUMNS];
     double zz[WATCH_EACH][WATCH_COLUMNS]; /* zz[d][i]: column i times column i + d */
+    double dt_s;
+    watch_skew skew;
     driveid_watch_report report;
     driveid_bank_f64 base;
     watch_filter column;
@@ -84,6 +96,10 @@ typedef struct watch_finding {
 
 /* The same effect, and order where it has one. */
 int watch_alike(const driveid_watch *watch, int a, int b);
+
+void watch_skew_init(driveid_watch *watch);
+void watch_skew_clear(driveid_watch *watch);
+void watch_skew_row(driveid_watch *watch, const double *row, const double *z, double dt_s);
 
 watch_finding watch_find(const driveid_watch *watch, const double *theta);
 

@@ -1,31 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // From frame to sample to estimate inside one drive: right values, exact accounting, no allocation.
 #include <cmath>
-#include <cstdlib>
 #include <cstring>
-#include <new>
 
 #include <gtest/gtest.h>
 
+#include "allocations.hpp"
 #include "control/describe.hpp"
 #include "drive/drive.hpp"
 
 using namespace gw;
-
-namespace {
-size_t g_allocations = 0;
-}
-
-void* operator new(size_t n) {
-    ++g_allocations;
-    if (void* p = malloc(n)) return p;
-    throw std::bad_alloc();
-}
-void* operator new[](size_t n) { return operator new(n); }
-void operator delete(void* p) noexcept { free(p); }
-void operator delete(void* p, size_t) noexcept { free(p); }
-void operator delete[](void* p) noexcept { free(p); }
-void operator delete[](void* p, size_t) noexcept { free(p); }
 
 namespace {
 
@@ -140,7 +124,7 @@ TEST(Path, AllocatesNothingOnceStarted) {
     Rig rig;
     JsonOut json;
     rig.run(200);
-    const size_t before = g_allocations;
+    const size_t before = allocations();
     for (int k = 0; k < 30; ++k) {
         rig.run(100);
         json.clear();
@@ -150,7 +134,7 @@ TEST(Path, AllocatesNothingOnceStarted) {
     }
     rig.drive->gap(0, 3);
     rig.run(100);
-    EXPECT_EQ(g_allocations, before);
+    EXPECT_EQ(allocations(), before);
 }
 
 TEST(Path, ShortAndForeignFramesChangeNothing) {

@@ -229,3 +229,16 @@ def test_missing_record_is_told_and_survived(gateway):
     source = gateway.status()["sources"][0]
     assert source["state"] == "closed" and "none.drec" in source["last_error"]
     assert J > 0
+
+
+def test_a_covariance_of_other_parameters_is_not_taken_over(gateway):
+    """As many parameters under the same drive's name, but others: J and B before, B and tau_c now."""
+    learnt(gateway, STATE + SOCKETPAIR + drive())
+    assert gateway.stop() == 0
+    saved = json.loads((gateway.folder / "state/state").read_text().split("\n", 1)[1])["drives"][0]
+    assert saved["names"] == ["J_kgm2", "B_Nms_rad"] and len(saved["theta"]) == 2
+    other = drive(keys='effects = ["coulomb"]').replace("given = { K_t_Nm_A = 0.05 }", "given = { K_t_Nm_A = 0.05, J_kgm2 = 2e-4 }")
+    gateway.start(STATE + SOCKETPAIR + other)
+    assert gateway.stop() == 0
+    again = json.loads((gateway.folder / "state/state").read_text().split("\n", 1)[1])["drives"][0]
+    assert again["names"] == ["B_Nms_rad", "tau_c_Nm"] and again["theta"] == []

@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 
 import pytest
-from gateway import ROOT, SOCKETPAIR, Axis, drive, near_truth, parameters
+from gateway import ROOT, SLOW, SOCKETPAIR, Axis, drive, near_truth, parameters
 
 SHIM = Path(os.environ.get("DRIVEID_BUILD", ROOT / "build")) / "tests/daemon/libdaemon_shim.so"
 STATE = '[state]\nfolder = "state"\nperiod_s = 0.1\n'
@@ -63,7 +63,9 @@ def test_nothing_is_allocated_on_the_sample_path(gateway):
     before = allocations(count)
     for axis, start in zip(axes, starts):
         gateway.feed(axis, 4000, start)
+    ends = time.monotonic() + 30 * SLOW
     while not taken(gateway.bus[0]):
+        assert time.monotonic() < ends, "the daemon does not read its bus"
         time.sleep(0.01)
     time.sleep(0.3)
     after = allocations(count)

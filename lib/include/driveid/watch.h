@@ -12,7 +12,7 @@
  *           while; its name is that of the plainest effect (a change of the model's own parameters, then fewest columns) among those whose likelihoods the recent motion does not tell apart.
  * Parameters  SI.
  * Returns   driveid_watch_init: DRIVEID_OK; DRIVEID_ERR_CONFIG where the structure has no mechanical equation (nothing is watched then).
- * Cost      a sample: four multiply-adds for each column (about 160 for a rotary axis), about four times the estimator's (docs/benchmark-estimator.md); none while the drive rests. State about 25 kB.
+ * Cost      a sample: four multiply-adds for each column (about 160 for a rotary axis), about four times the estimator's (docs/benchmark-estimator.md); none while the drive rests. State about 65 kB.
  * Accuracy  tests/property/watch_test.cpp (8 hours without a false alarm), tests/daemon/test_watch.py (each change named within 10 s of motion). */
 #ifndef DRIVEID_WATCH_H
 #define DRIVEID_WATCH_H
@@ -49,6 +49,8 @@ typedef struct driveid_watch_report {
     const char *tie[DRIVEID_WATCH_TIES]; /* other effects that the recent motion does not tell from it */
     driveid_watch_regime regime;   /* that holds most of the excess */
     double rms, usual_rms;         /* of r, recent and usual, SI of the equation */
+    uint8_t skew_known;            /* the motion of the last minute tells it within half a sample time, either way */
+    double skew_s, skew_half_s;    /* readings of the driving signal are older than their stamps by this, beside those of the motion; half of the 95 % interval */
 } driveid_watch_report;
 
 /* Caller-owned storage of driveid_watch_size() bytes, aligned as a double; no self-pointers: a copy is a snapshot. */

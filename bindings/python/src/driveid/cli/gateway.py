@@ -17,6 +17,7 @@ from ..client import Client, default_socket
 from ..errors import UsageError
 from ..model import Model
 from ..views import units
+from ..views.gateway import skew
 from .common import invoke_guard, progress_bar, say, stdout_console, write_document
 
 _socket = click.option("--socket", metavar="PATH", default=default_socket, show_default="$DRIVEID_SOCKET or /run/driveid/control.sock", help="Control socket of the gateway.")
@@ -53,6 +54,8 @@ def show_status(answer: dict) -> None:
         residual = drive.get("residual") or {}
         if residual.get("alarm"):
             console.print(Text(f"the model no longer explains this drive{': ' + residual['likely_effect'] if residual.get('likely_effect') else ''}", style="bold"))
+        if skew(drive):
+            console.print(Text(f"current beside encoder: {skew(drive)}"))
         if drive.get("missing"):
             console.print(Text(f"cannot be had: {drive['missing']}"))
     table = Table(box=None, pad_edge=False, header_style="bold")

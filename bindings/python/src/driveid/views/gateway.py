@@ -123,7 +123,7 @@ class Gateway:
             window.add(int(message["t_ns"]), message["values"])
         elif event == "estimate":
             drive = self.drives.setdefault(message["drive"], {"name": message["drive"]})
-            drive |= {k: message[k] for k in ("t_ns", "state", "parameters", "residual") if k in message}
+            drive |= {k: message[k] for k in ("t_ns", "state", "parameters", "residual", "skew") if k in message}
             self._remember(drive)
         elif event == "event":
             self.note(message.get("level", "info"), message.get("component", ""), message.get("text", ""), message.get("mend", ""), message.get("count", 1))
@@ -169,6 +169,16 @@ def lamp(drive: dict) -> tuple[str, str]:
         cause = f", likely {residual['likely_effect'].replace('_', ' ')}" if residual.get("likely_effect") else ""
         return "bad", f"model does not fit{where}{cause} ({size})" if size else f"model does not fit{where}{cause}"
     return ("good", f"model fits ({size})") if size else ("soft", "no residual yet")
+
+
+def skew(drive: dict) -> str:
+    """How much older than their stamps the current's readings are, where that is known; "" where it is not."""
+    told = drive.get("skew") or {}
+    lo, hi = told.get("interval_s") or (None, None)
+    words = f"skew {units.estimate(told['value_s'], lo, hi, 's')}" if told.get("value_s") is not None else ""
+    if told.get("corrected_s"):
+        words = f"{words or 'skew'} ({units.number(told['corrected_s'], 's', 3)} corrected)"
+    return words
 
 
 def sparkline(values: list[float], width: int = 16) -> str:

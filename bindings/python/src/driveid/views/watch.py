@@ -18,7 +18,7 @@ from textual.widgets import Footer, Input, Static
 
 from . import units
 from .feed import Feed, NotConnected
-from .gateway import STATES, Gateway, bus_rows, lamp, sparkline
+from .gateway import STATES, Gateway, bus_rows, lamp, skew, sparkline
 
 COLOUR = {"good": "bright_cyan", "warn": "yellow", "bad": "bold bright_red", "soft": "grey62"}
 SIGN = {"good": "●", "warn": "◐", "bad": "✖", "soft": "○"}  # a shape beside each colour
@@ -63,7 +63,7 @@ def drive_view(gateway: Gateway, drive: dict, width: int) -> RenderableType:
     if "samples" in drive:
         jitter = units.number((drive.get("jitter_ns") or 0) * 1e-9, "s", 3)
         parts.append(Text(f"  {units.number(drive.get('rate_Hz'), 'Hz', 4)}  jitter {jitter}  drops {drive.get('dropped', 0)}  gaps {drive.get('gaps', 0)}  "
-                          f"restarts {drive.get('restarts', 0)}  {drive.get('structure', '')} {drive.get('method', '')}", style="grey62", no_wrap=True, overflow="ellipsis"))
+                          f"restarts {drive.get('restarts', 0)}  {drive.get('structure', '')} {drive.get('method', '')}  {skew(drive)}".rstrip(), style="grey62", no_wrap=True, overflow="ellipsis"))
     return Group(*parts)
 
 

@@ -12,7 +12,7 @@ from starlette.websockets import WebSocket
 
 from .. import units
 from ..feed import Feed, NotConnected
-from ..gateway import STATES, Gateway, bus_rows, lamp
+from ..gateway import STATES, Gateway, bus_rows, lamp, skew
 from .wire import pack
 
 LINGER_S = 5.0
@@ -44,7 +44,7 @@ def rates(drive: dict) -> str:
     first = drive.get("time_to_first_trusted_s")
     trusted = f", first trusted estimate after {units.number(first, 's', 2)}" if first is not None else ""
     return (f"{units.number(drive.get('rate_Hz'), 'Hz', 4)}, jitter {jitter}, {drive.get('dropped', 0)} dropped, {drive.get('gaps', 0)} gaps, "
-            f"{drive.get('restarts', 0)} restarts{trusted}")
+            f"{drive.get('restarts', 0)} restarts{trusted}" + (f", {skew(drive)}" if skew(drive) else ""))
 
 
 class Live:
