@@ -75,8 +75,12 @@ TEST(Pace, AStepThatIsNotTheDrivesIsTorn) {
         const int64_t sampled = 1000000000 + k * kPeriod, arrival = std::max<int64_t>(sampled + 20000, 1008000000);
         const int64_t got = pacer.instant(arrival, 1);
         torn += pacer.torn();
-        if (k > 0 && !pacer.torn()) EXPECT_NEAR(double(got - last), double(kPeriod), 0.5 * kPeriod) << k;
-        if (k > 20) EXPECT_NEAR(double(got), double(sampled), 5e4) << k;
+        if (k > 0 && !pacer.torn()) {
+            EXPECT_NEAR(double(got - last), double(kPeriod), 0.5 * kPeriod) << k;
+        }
+        if (k > 20) {
+            EXPECT_NEAR(double(got), double(sampled), 5e4) << k;
+        }
         last = got;
     }
     EXPECT_GE(torn, 1);

@@ -105,8 +105,11 @@ TEST(Skew, ASinusoidalMotionDoesNotTellIt) {
 
 TEST(Skew, NotWhileTheModelLacksAnotherEffect) {
     const driveid_watch_report r = run({1000, 0.2, 1, 0, false, true});
-    if (r.mismatch) EXPECT_FALSE(r.skew_known) << r.effect;
-    else if (r.skew_known) EXPECT_NEAR(r.skew_s * 1000, 0.2, 2.5 * r.skew_half_s * 1000);
+    if (r.mismatch) {
+        EXPECT_FALSE(r.skew_known) << r.effect;
+    } else if (r.skew_known) {
+        EXPECT_NEAR(r.skew_s * 1000, 0.2, 2.5 * r.skew_half_s * 1000);
+    }
 }
 
 } // namespace
