@@ -185,3 +185,12 @@ def test_gateway_without_anything_is_shown():
         assert "no drive is configured" in screen(app)
 
     run(app, steps)
+
+
+def test_skew_stands_where_it_is_known():
+    from driveid.views.gateway import skew
+    assert skew({}) == skew({"skew": {"value_s": None, "interval_s": None, "corrected_s": 0}}) == ""
+    assert skew({"skew": {"value_s": 3.1e-4, "interval_s": [2.9e-4, 3.3e-4], "corrected_s": 0}}).startswith("skew 310")
+    corrected = skew({"skew": {"value_s": 3.1e-4, "interval_s": [2.9e-4, 3.3e-4], "corrected_s": 3e-4}})
+    assert "310" in corrected and "300 µs corrected" in corrected
+    assert "corrected" in skew({"skew": {"value_s": None, "interval_s": None, "corrected_s": 3e-4}})
