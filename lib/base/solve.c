@@ -34,6 +34,7 @@ static int factor(double *s, int *order, int n, double small) {
 int driveid_solve_inverse(const double *a, int n, double small, double *inverse, double *pivot) {
     double s[DRIVEID_SOLVE_MAX * DRIVEID_SOLVE_MAX], scale[DRIVEID_SOLVE_MAX], column[DRIVEID_SOLVE_MAX];
     int order[DRIVEID_SOLVE_MAX];
+    if (n > DRIVEID_SOLVE_MAX) return 0;
     for (int i = 0; i < n; i++) {
         scale[i] = a[i * n + i] > 0 ? 1 / sqrt(a[i * n + i]) : 0;
         order[i] = i;
@@ -74,6 +75,7 @@ static void swap_rows(double *a, int columns, int i, int j) {
 int driveid_solve_general(const double *a, int n, const double *scale, double *inverse) {
     double w[2 * DRIVEID_SOLVE_MAX * DRIVEID_SOLVE_MAX];
     const int wide = 2 * n;
+    if (n > DRIVEID_SOLVE_MAX) return 0;
     for (int i = 0; i < n; i++)
         for (int j = 0; j < n; j++) {
             w[i * wide + j] = scale[i] > 0 && scale[j] > 0 ? a[i * n + j] * scale[i] * scale[j] : i == j;

@@ -11,6 +11,8 @@
 #define SCALE_LEAST 1e-6     /* of the known side's mean square must be its own */
 #define EXCESS 2.0           /* output noise may weigh so much more at low frequency than at high, behind a prefilter */
 
+_Static_assert(DRIVEID_SOLVE_MAX >= FSM_PACKED && DRIVEID_SOLVE_MAX >= DRIVEID_ORDER_MAX, "DRIVEID_SOLVE_MAX is too small for DRIVEID_THETA_MAX");
+
 void fsm_solve_initial(const fsm_equation *q, const double *s, double small, double *solved) {
     double a[DRIVEID_ORDER_MAX * DRIVEID_ORDER_MAX] = {0}, inverse[DRIVEID_ORDER_MAX * DRIVEID_ORDER_MAX], pivot[DRIVEID_ORDER_MAX];
     const int n = q->order, m = q->columns, p = q->params;

@@ -71,6 +71,7 @@ static void start(q31_state *self, int64_t t_ns, const int32_t *count, int fresh
     self->settled_ns = t_ns + (int64_t)(1e9 * live_s);
     self->row_left = self->row_every;
     common->running = 1;
+    common->gap_told = 0;
     common->samples++;
     common->resting = common->forgetting_paused = 0;
     for (unsigned e = 0; e < common->regression.equations; e++) driveid_monitor_skip(&common->monitor[e]);
@@ -158,7 +159,7 @@ driveid_status q31_update_counts(q31_state *self, int64_t t_ns, const int32_t *c
     }
     const int64_t dt_ns = t_ns - common->last_ns, nominal = (int64_t)(1e9 * common->options.dt_s), off = dt_ns - nominal;
     if (dt_ns <= 0) return dt_ns == 0 ? DRIVEID_DUPLICATE : DRIVEID_ERR_TIME;
-    if (off > nominal / 8 || off < -nominal / 8) {
+    if (common->gap_told || off > nominal / 8 || off < -nominal / 8) {
         start(self, t_ns, count, 0);
         return DRIVEID_GAP;
     }

@@ -23,6 +23,7 @@ driveid_status shifting_check(const driveid_fsm_config *c, char *reason, size_t 
     else if (c->poles <= c->order || c->poles > DRIVEID_FSM_POLES_MAX) fault = "poles must be order + 1 .. 8";
     else if (!(c->q_per_s > 0) || !isfinite(c->q_per_s)) fault = "q_per_s must be above 0";
     else if (shifting_unknowns(c) < 1) fault = "nothing is unknown";
+    else if (shifting_unknowns(c) > DRIVEID_SOLVE_MAX) fault = "more unknowns than this build solves for (DRIVEID_SOLVE_MAX)";
     else if (c->hold_y > DRIVEID_HOLD_AVERAGE || c->hold_u > DRIVEID_HOLD_AVERAGE) fault = "unknown hold";
     else {
         const double highest = (c->order + shifting_unknowns(c) - 1) * c->q_per_s;

@@ -16,7 +16,8 @@ FLAGS = ["-std=c11", "-O2", "-Wall", "-Wextra", "-Werror", "-ffp-contract=off", 
 CPUS = {"Cortex-M4F": ["-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16"], "Cortex-M0+": ["-mcpu=cortex-m0plus", "-mthumb"]}
 # one equation of a few parameters, for 16 KiB of memory
 SMALL = {"DRIVEID_THETA_MAX": 4, "DRIVEID_EQUATIONS_MAX": 1, "DRIVEID_CHANNELS_MAX": 4, "DRIVEID_TERMS_MAX": 6, "DRIVEID_Q31_POOL": 320, "DRIVEID_Q31_RING": 256,
-         "DRIVEID_Q31_WEIGHTS": 512, "RUN_BYTES": 9216}
+         "DRIVEID_Q31_WEIGHTS": 512, "DRIVEID_SOLVE_MAX": 6, "RUN_BYTES": 9216}
+METHODS = ("fsm", "rls", "window", "discrete")
 BEGIN, END = "<!-- made by tests/target/target.py -->\n", "<!-- end -->\n"
 QEMU = ["qemu-system-arm", "-M", "mps2-an386", "-nographic", "-monitor", "none", "-serial", "none", "-semihosting-config", "enable=on,target=native"]
 
@@ -59,8 +60,17 @@ def link(folder, cpu, core, values=()):
     return out
 
 
-def run(elf, *more):
-    return subprocess.run([*QEMU, *more, "-kernel", elf], capture_output=True, text=True, stdin=subprocess.DEVNULL, timeout=120)
+def run(elf, *more, board="mps2-an386"):
+    return subprocess.run([*QEMU[:2], board, *QEMU[3:], *more, "-kernel", elf], capture_output=True, text=True, stdin=subprocess.DEVNULL, timeout=120)
+
+
+def checks(folder, cpu, core, method, kind, values=(), script="mps2.ld"):
+    """Image of the unit checks of one method and type, with no C library's start and no stdio of its own."""
+    values = {**dict(values), "RUN_METHOD": f'"{method}"', "RUN_TYPE": f"DRIVEID_{kind}"}
+    out = folder / f"checks-{core.stem}-{method}-{kind}.elf"
+    call(["arm-none-eabi-gcc", *CPUS[cpu], *FLAGS, *defines(values), "-fno-common", "-nostartfiles", "--specs=nano.specs", "--specs=nosys.specs", "-Wl,--gc-sections,--no-warn-rwx-segments,--no-warnings", "-T", HERE / script,
+          f"-I{folder}", HERE / "startup.c", HERE / "checks.c", HERE / "checks_main.c", core, "-lm", "-o", out])
+    return out
 
 
 def host(folder):
@@ -107,7 +117,7 @@ def table(folder):
     for cpu, types in (("Cortex-M4F", ("F32", "Q31")), ("Cortex-M0+", ("Q31",))):
         sizes = SMALL if cpu == "Cortex-M0+" else {}
         core, frames = compile_core(folder, cpu, {k: v for k, v in sizes.items() if k.startswith("DRIVEID")})
-        for method in ("fsm", "rls", "window", "discrete"):
+        for method in METHODS:
             for kind in types:
                 values = {**sizes, "RUN_METHOD": f'"{method}"', "RUN_TYPE": f"DRIVEID_{kind}"}
                 counts = [instructions(link(folder, cpu, core, {**values, "RUN_SAMPLES": n}), library) for n in (900, 1900)]
@@ -126,6 +136,8 @@ def write(path):
         rows = list(table(folder))
     lines = ["# On a microcontroller", "", "Made by `python tests/target/target.py` with Debian's gcc-arm-none-eabi 12.2 (-O2) and qemu's mps2-an386 (the Cortex-M0+ code runs there too). A rigid axis,",
              "two parameters, 1 kHz, 200 rad/s, a solve every 20 ms in f64 (in software on both) included. Instructions, not cycles.",
+             "`tests/target/checks.c`, the unit checks that the host runs too (values, intervals, status, gaps, rest, restart, alarm, snapshot, saturation), passes on the Cortex-M4F in f32 and q31",
+             "and, in q31, on qemu's micro:bit with its 16 KiB of memory: state, stack and checks together.",
              "Cortex-M0+ is built small: " + ", ".join(f"`{k}={v}`" for k, v in SMALL.items() if k.startswith("DRIVEID")) + ".", "",
              "| core | method | type | state, bytes | instructions a sample |", "|---|---|---|---|---|"]
     lines += [f"| {cpu} | {method} | {kind} | {state} | {count} |" for cpu, method, kind, state, count in rows if kind]

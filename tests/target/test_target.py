@@ -52,12 +52,32 @@ def test_no_libm_in_the_fixed_point_path(folder, cpu):
     assert target.code_of(core, "fsm_solve") & LIBM  # the solve, at the rate of answers, is f64: the check sees what is there
 
 
-def test_sixteen_kibibytes(folder):
-    """The small build on the M0+: the state and the q31 path's stack fit beside each other."""
-    core, frames = target.compile_core(folder, "Cortex-M0+", {k: v for k, v in target.SMALL.items() if k.startswith("DRIVEID")})
-    for method in ("fsm", "window"):
-        done = target.run(target.link(folder, "Cortex-M0+", core, {**target.SMALL, "RUN_METHOD": f'"{method}"', "RUN_TYPE": "DRIVEID_Q31", "RUN_SAMPLES": 2500}))
-        assert done.returncode == 0 and "within 1 %: yes" in done.stdout, done.stdout + done.stderr
+SMALL_CORE = {k: v for k, v in target.SMALL.items() if k.startswith("DRIVEID")}
+
+
+@pytest.mark.parametrize("kind", ["F32", "Q31"])
+@pytest.mark.parametrize("method", target.METHODS)
+def test_unit_checks_on_the_m4f(folder, method, kind):
+    """The unit checks that the host runs (tests/unit/portable_test.cpp), the same file."""
+    core, _ = target.compile_core(folder, "Cortex-M4F")
+    done = target.run(target.checks(folder, "Cortex-M4F", core, method, kind))
+    assert done.returncode == 0 and done.stderr == "12 checks, 0 failed\n", done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("method", target.METHODS)
+def test_unit_checks_in_sixteen_kibibytes(folder, method):
+    """The small build on the micro:bit, Cortex-M0: state, stack and the checks' own data in 16 KiB of memory, code in 256 KiB; one method a slice."""
+    core, _ = target.compile_core(folder, "Cortex-M0+", SMALL_CORE)
+    done = target.run(target.checks(folder, "Cortex-M0+", core, method, "Q31", target.SMALL, "microbit.ld"), board="microbit")
+    assert done.returncode == 0 and done.stderr == "12 checks, 0 failed\n", done.stdout + done.stderr
+
+
+def test_a_check_that_fails_is_seen(folder):
+    """Half of the ring: the state does not carry its window, and configure says so on the target too."""
+    values = {**target.SMALL, "DRIVEID_Q31_RING": 64}
+    core, _ = target.compile_core(folder, "Cortex-M0+", {k: v for k, v in values.items() if k.startswith("DRIVEID")})
+    done = target.run(target.checks(folder, "Cortex-M0+", core, "window", "Q31", values, "microbit.ld"), board="microbit")
+    assert done.returncode != 0 and "values fails at checks.c:" in done.stderr, done.stderr
 
 
 def test_pages_say_what_is(tmp_path):
