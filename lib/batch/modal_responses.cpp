@@ -155,3 +155,27 @@ driveid_status driveid_modal_observer(size_t order, const double *p, size_t hold
     }
     return DRIVEID_OK;
 }
+
+driveid_status driveid_modal_state_input(size_t order, const double *p, size_t hold, size_t rows, const double *g, double *b) {
+    if (!p || !g || !b || order < 1 || order > order_max || !hold || rows < (order + 1) * hold + 1) return DRIVEID_ERR_ARGUMENT;
+    const auto n = static_cast<Eigen::Index>(order);
+    const Eigen::Map<const RowMajor> all(p, n + 1, n);
+    RowMajor Q(n, n + 1);
+    std::vector<double> a(order);
+    driveid_status status = driveid_modal_observer(order, p, hold, g, 0, Q.data());
+    if (status == DRIVEID_OK) status = driveid_modal_a(order, p, a.data());
+    if (status != DRIVEID_OK) return status;
+    double q_o = 0;  // constant once the window lies behind the step: its mean
+    for (size_t k = order * hold; k < rows; k++) {
+        q_o += g[k];
+        for (size_t i = 0; i < order; i++) q_o += p[i] * g[k - (i + 1) * hold];
+    }
+    q_o /= static_cast<double>(rows - order * hold);
+    const double unit = 1 + all.row(0).sum();  // what the modal filter leaves of a constant
+    if (std::abs(unit) < 1e-9 * (1 + all.row(0).cwiseAbs().sum())) return DRIVEID_RANK;
+    const VectorXd of_state = Q.rowwise().sum();  // the states' modal functions of a constant input of 1
+    b[n - 1] = q_o / unit * all.row(n).sum();
+    for (Eigen::Index j = 0; j < n; j++) b[n - 1] += a[static_cast<size_t>(j)] * of_state(j);
+    for (Eigen::Index j = 1; j < n; j++) b[j - 1] = q_o / unit * all.row(j).sum() - of_state(j);
+    return DRIVEID_OK;
+}

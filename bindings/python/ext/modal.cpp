@@ -139,6 +139,13 @@ void bind_responses(nb::module_ &m) {
         must("observer", driveid_modal_observer(n, p.data(), hold, g.data(), phase, Q.data()));
         return array(std::move(Q), {n, n + 1});
     });
+    m.def("modal_state_input", [](const Matrix &p, size_t hold, const Values &g) {
+        const size_t n = p.shape(1);
+        asked(p.shape(0) == n + 1, "p has the rows of the output and of its first derivatives up to the order");
+        Array b(n);
+        must("state input", driveid_modal_state_input(n, p.data(), hold, g.shape(0), g.data(), b.data()));
+        return array(std::move(b), {n});
+    });
     m.def("prony", [](size_t order, const Values &y, double T_s, size_t lag, size_t equations) {
         Array re(order), im(order);
         double condition = 0;

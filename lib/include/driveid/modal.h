@@ -109,6 +109,11 @@ driveid_status driveid_modal_impulse_response(size_t order, double T_s, size_t r
  * Q[order x (order+1)]; column 0 belongs to u(k). */
 driveid_status driveid_modal_observer(size_t order, const double *p, size_t hold, const double *g, size_t phase, double *Q);
 
+/* Input vector b~[order] of the state model whose states are the output and its derivatives less what the input adds, from a step response and its modal
+ * parameters p[(order+1) x order] at shifts hold, 2 hold, ... [EQ MOD-6.37, 6.43]; its elements are b(s)/a(s) divided out in powers of 1/s. g as above, at least
+ * (order+1)*hold + 1 values. A plant that integrates has no constant modal function of a step: DRIVEID_RANK. */
+driveid_status driveid_modal_state_input(size_t order, const double *p, size_t hold, size_t rows, const double *g, double *b);
+
 /* Complex exponents s_k of y = sum C_k e^(s_k t) by linear prediction with lag samples between rows (Prony), in QR arithmetic.
  * equations rows, condition (may be NULL) of the prediction matrix. */
 driveid_status driveid_prony(size_t order, double T_s, size_t rows, const double *y, size_t lag, size_t equations,

@@ -93,6 +93,12 @@ def observer(p, hold: int, g, phase: int = 0) -> np.ndarray:
         return _core.modal_observer(_f64(p), hold, _f64(g), phase)
 
 
+def state_input(p, hold: int, g) -> np.ndarray:
+    """Input vector b~ of the state model from p [order + 1, order] and the step response g."""
+    with asking():
+        return _core.modal_state_input(_f64(p), hold, _f64(g))
+
+
 def prony(y, order: int, T_s: float, *, lag: int = 1, equations: int) -> tuple[np.ndarray, float]:
     """Complex exponents of y by linear prediction, and the condition of the prediction matrix."""
     with asking():
