@@ -85,6 +85,44 @@ def test_modal_parameters_hold_for_every_initial_state():
     np.testing.assert_allclose(np.sort_complex(roots), np.sort_complex(poles), rtol=1e-4)
 
 
+def test_the_rest_of_the_modal_functions():
+    """H = (6.5 s + 52)/(s^3 + 4 s^2 + 30 s + 52), responses by residues; every function of modal.h answers in Python."""
+    a, numerator, poles, Ts, hold = np.array([52.0, 30, 4]), np.array([6.5, 52]), np.array([-2, -1 + 5j, -1 - 5j]), 0.01, 20
+    shift = [hold, 2 * hold, 3 * hold]
+    residue = np.array([np.polyval(numerator, s) / np.prod(s - poles[poles != s]) for s in poles])
+    t = np.arange(400) * Ts
+    g = 1.0 + (residue / poles * np.exp(np.outer(t, poles))).sum(1).real
+    p = modal.parameters_from_a(a, Ts, shift, derivatives=3)
+    Q = modal.observer(p[:3], hold, g)
+    assert Q.shape == (3, 4) and abs(Q[0, 1] - 0.145541) < 1e-6 and abs(modal.observer(p[:3], hold, g, phase=10)[2, 3] - 0.16255) < 1e-5
+    np.testing.assert_allclose(modal.state_input(p, hold, g), [0, 6.5, 26], atol=1e-8)
+    with pytest.raises(driveid.Error):
+        modal.state_input(p, hold, g[:50])
+    h = modal.impulse_response(3, g, Ts, hold=hold, period=192, functions=6, count=100)
+    np.testing.assert_allclose(h, (residue * np.exp(np.outer(t[:100], poles))).sum(1).real, atol=5e-3)
+    levels = [1, 1, 2, 2, -1, -1, 0, 0, 1, 2, 1, -2]
+    y = sum(np.concatenate([np.zeros(hold * k), g])[:240] * (v - w) for k, (v, w) in enumerate(zip(levels, [0, *levels])))
+    np.testing.assert_allclose(modal.step_response(y, hold, levels, p[0], 200), g[:200], atol=1e-8)
+    # one tone, so two modes: b from q of all derivatives, and H(j4)
+    H, A_c = np.polyval(numerator, 4j) / np.polyval([1, 4, 30, 52], 4j), np.array([[0, 4.0], [-4, 0]])
+    phase = np.arange(700) * 2 * np.pi / 400
+    step = 2 * np.pi / 400 / 4
+    q = np.array([(H * (4j) ** j * ((j == 0) + (row * np.exp(-4j * np.array(shift) * step)).sum())) for j, row in enumerate(modal.parameters_from_a(a, step, shift, derivatives=3))])
+    np.testing.assert_allclose(modal.b(a, 1, [(A_c, [1, 0], np.column_stack([q.real, q.imag]))]), numerator[::-1], rtol=1e-8)
+    p_o = modal.parameters_from_a(a, step, shift)[0]
+    np.testing.assert_allclose(modal.frequency_response(np.real(-1j * H * np.exp(1j * phase)), np.sin(phase), step, shift, (100, 500), p_o, [4.0]), [H], rtol=1e-6)
+    # two tones: a and b from output modal functions alone
+    def tone(w):
+        gain = np.polyval(numerator, 1j * w) / np.polyval([1, 4, 30, 52], 1j * w) * (1 + (p_o * np.exp(-1j * w * np.array(shift) * step)).sum())
+        return np.array([[0, w], [-w, 0]]), np.array([1.0, 0]), np.array([gain.real, gain.imag])
+    found_a, found_b = modal.ab(step, shift, np.tile(p_o, (3, 1)), [tone(2.0), tone(4.0), tone(6.0)])
+    np.testing.assert_allclose(found_a, a, rtol=1e-6)
+    np.testing.assert_allclose(found_b, [52, 6.5, 0], atol=1e-5)
+    np.testing.assert_allclose(modal.deflate(np.polymul([1, 4, 30, 52], [1, 0, 16])[::-1][:5], [16, 0]), a, rtol=1e-9)
+    taps = modal.prefilter(A_c, [1, 1], step, [30, 60])
+    np.testing.assert_allclose((np.sin(phase) + np.cos(phase))[60:] + sum(l * (np.sin(phase) + np.cos(phase))[60 - d:len(phase) - d] for l, d in zip(taps, (30, 60))), 0, atol=1e-12)
+
+
 @pytest.mark.parametrize("call", [
     lambda: lti.fit(np.zeros(5), np.zeros(4), T, order=1),
     lambda: lti.fit(np.zeros(50), np.zeros(50), T, order=1),
