@@ -113,6 +113,7 @@ private:
         if (std::none_of(d.signals.begin(), d.signals.end(), [](auto& s) { return s.wait; }) && !d.signals.empty())
             error(d.place, what, "all signals have wait = false: nothing would close a sample; leave it out for one");
         if (std::abs(d.skew_s) > Shifter::kReach * d.dt_s) error(d.place, what + ".skew_s", "is beyond " + std::to_string(Shifter::kReach) + " dt_s; take whole samples off with the signals' delay_s");
+        if (d.motion_rad_s > 0 && d.bandwidth_rad_s > 0) error(d.place, what + ".motion_rad_s", "bandwidth_rad_s is given too; remove one of them");
         if (d.gap_s > 0 && d.gap_s < d.dt_s) error(d.place, what + ".gap_s", "is below dt_s");
     }
 

@@ -81,6 +81,7 @@ const Key<D> kDrive[] = {
     {"type", &D::type, "", 0, 0, "f64", "f64|f32|q31", "number type of the estimator", ""},
     {"dt_s", &D::dt_s, "s", 1e-5, 60, nullptr, "", "nominal time between two samples; the true one comes from the stamps", ""},
     {"bandwidth_rad_s", &D::bandwidth_rad_s, "rad/s", 0, 1e6, "0", "", "bandwidth of the estimator's filters; 0 chosen from dt_s", ""},
+    {"motion_rad_s", &D::motion_rad_s, "rad/s", 0, 1e6, "0", "", "instead of bandwidth_rad_s: the fastest motion to identify (resonance or corner); the filters are those that `driveid suggest` offers for it and dt_s", ""},
     {"forgetting_s", &D::forgetting_s, "s", 0, kAny, "0", "", "memory of the estimator; 0 its default (10 s), inf never forgets", ""},
     {"gap_s", &D::gap_s, "s", 0, 3600, "0", "", "a longer silence is a gap; 0: 5 dt_s", ""},
     {"paced", &D::paced, "", 0, 0, "false", "", "the drive samples every dt_s exactly and frames arrive late by a varying time (serial or USB adapter, busy sender): instants follow dt_s", ""},

@@ -6,6 +6,7 @@
 #include <sstream>
 #include <stdexcept>
 
+#include <driveid/fsm.h>
 #include <driveid/model_file.h>
 
 #include "drive/drive.hpp"
@@ -25,6 +26,15 @@ std::string where(const Config& all, const DriveConfig& drive) {
 }
 
 const char* clean(const char* reason, driveid_status status) { return *reason ? reason : driveid_status_text(status); }
+
+// Pole that frequency shifting is offered for a motion of this band; every method's filters take it as their bandwidth.
+double suggested(const DriveConfig& drive) {
+    char reason[200] = "";
+    driveid_fsm_config filters{};
+    filters.order = 2;
+    if (driveid_fsm_suggest(&filters, drive.dt_s, drive.motion_rad_s, 0, reason, sizeof reason) != DRIVEID_OK) throw std::runtime_error(std::string("motion_rad_s: ") + reason);
+    return filters.pole_rad_s[0];
+}
 
 }  // namespace
 
@@ -126,7 +136,7 @@ void Drive::make_estimator(uint32_t present) {
     estimator_.assign((size + sizeof(std::max_align_t) - 1) / sizeof(std::max_align_t), {});
     driveid_estimator_options options{};
     options.dt_s = config_.dt_s;
-    options.bandwidth_rad_s = config_.bandwidth_rad_s;
+    options.bandwidth_rad_s = config_.motion_rad_s > 0 ? suggested(config_) : config_.bandwidth_rad_s;
     options.forgetting_s = config_.forgetting_s;
     options.gap_s = config_.gap_s;
     options.alarm = config_.alarm;

@@ -94,6 +94,7 @@ TEST(Config, EachMistakeIsNamedWithLineKeyAndMend) {
         {"dt_s = 0.001", "dt_s = -1", 13, "drive \"axis1\".dt_s", "from 1e-05 to 60 s"},
         {"dt_s = 0.001", "dt_s = nan", 13, "dt_s", "from 1e-05"},
         {"dt_s = 0.001\n", "", 9, "dt_s", "is missing"},
+        {"dt_s = 0.001", "dt_s = 0.001\nmotion_rad_s = 20\nbandwidth_rad_s = 80", 9, "axis1\".motion_rad_s", "remove one"},
         {"name = \"i_q_A\"", "name = \"i_q\"", 14, "i_q", "is no signal"},
         {"name = \"i_q_A\"", "name = \"theta_rad\"", 20, "theta_rad", "stands twice"},
         {"source = \"bus\"", "source = \"buss\"", 14, "source", "there is no source \"buss\""},

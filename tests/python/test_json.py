@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from conftest import TOP, write_csv
+from driveid import shifting
 
 HEAD = {"format", "driveid", "model", "records", "notices"}
 KEYS = {
@@ -110,6 +111,21 @@ def test_excitation(driveid, page):
     assert all(c["omega_0_sd"] >= 0.999 * document["omega_0_sd"] for c in document["curve"])
     code, _, err = driveid("excitation", *given[:-1], "0")
     assert code == 2 and "range" in err
+
+
+def test_suggest(driveid, page):
+    """The command offers what the library offers, and settings that are used work."""
+    code, out, err = driveid("suggest", "--dt", "1e-3", "--bandwidth", "14.2", "--noise", "0.01", "--json", "-")
+    assert code == 0, err
+    document = json.loads(out)
+    head, named = page
+    assert set(document) <= head | named["suggest"]
+    offered = shifting.suggest(order=2, zeros=0, dt_s=1e-3, bandwidth_rad_s=14.2, noise=0.01)
+    assert document["poles_rad_s"] == list(offered.poles_rad_s) and document["q_per_s"] == offered.q_per_s and len(offered.poles_rad_s) == 5
+    code, out, _ = driveid("suggest", "--dt", "1e-3", "--bandwidth", "14.2")
+    assert code == 0 and "4 poles at 56.8 rad/s" in out and "bandwidth_rad_s = 56.8" in out and "motion_rad_s = 14.2" in out
+    code, _, err = driveid("suggest", "--dt", "0.1", "--bandwidth", "30")
+    assert code == 2 and "sample" in err
 
 
 def test_an_own_effect_from_the_command_line(driveid, runs):

@@ -64,6 +64,29 @@ def candump(path):
     path.write_text("\n".join(lines) + "\n")
 
 
+def test_filters_suggested_for_a_motion(tmp_path, daemon):
+    """motion_rad_s: the estimator runs with the pole that `driveid suggest` offers, in the daemon and again in Python; what cannot be is said before it starts."""
+    candump(tmp_path / "run.log")
+    estimates = []
+    for name, line in (("asked", "motion_rad_s = 12"), ("given", "bandwidth_rad_s = 48")):
+        folder = tmp_path / name
+        folder.mkdir()
+        (folder / "run.log").write_bytes((tmp_path / "run.log").read_bytes())
+        (folder / "gw.toml").write_text(CONFIG.format(folder=folder, method="fsm", type="f64").replace("dt_s = 0.001\n", f"dt_s = 0.001\n{line}\n", 1))
+        process = subprocess.Popen([daemon, str(folder / "gw.toml")], cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, stdin=subprocess.DEVNULL)
+        try:
+            estimates.append(wait_for_samples(folder, process, 6000)["drives"][0]["parameters"])
+        finally:
+            process.send_signal(signal.SIGTERM)
+            assert process.wait(10) == 0
+        _, check = online.replay_drec(folder / "out.drec")
+        assert check.compared >= 100 and check.identical == check.compared
+    assert estimates[0] == estimates[1]
+    (tmp_path / "slow.toml").write_text(CONFIG.format(folder=tmp_path, method="fsm", type="f64").replace("dt_s = 0.001\n", "dt_s = 0.1\nmotion_rad_s = 30\n", 1))
+    done = subprocess.run([daemon, str(tmp_path / "slow.toml")], cwd=tmp_path, capture_output=True, text=True, stdin=subprocess.DEVNULL, timeout=60)
+    assert done.returncode != 0 and "motion_rad_s" in done.stderr and "sample" in done.stderr
+
+
 @pytest.mark.parametrize(("method", "type", "model_file"), [
     ("fsm", "f64", False), ("fsm", "f32", False), ("fsm", "f64", True), ("fsm", "q31", False), ("window", "f64", False), ("discrete", "q31", False), ("rls", "q31", False),
     ("kalman", "f32", False)])

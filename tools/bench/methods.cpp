@@ -9,8 +9,8 @@
 #include <string>
 #include <vector>
 
+#include "axis.hpp"
 #include "plants.hpp"
-#include <driveid/estimate.h>
 
 namespace {
 
@@ -32,26 +32,23 @@ struct Result {
     int alarms = 0, covered = 0, answered = 0;
 };
 
-struct Run {
-    std::vector<unsigned char> memory;
+driveid_estimator_options options() {
+    driveid_estimator_options o{};
+    o.dt_s = 1e-3, o.range[0] = 64, o.range[1] = 0.1;
+    return o;
+}
+
+struct Run : plants::AxisEstimator {
     plants::Axis axis{1.2e-4, 2e-4};
     Rng g;
     Scene scene;
     int64_t k = 0;
     double colour = 0, load = 0;
 
-    Run(const Method &m, Scene s, uint64_t seed) : memory(driveid_estimator_size(m.name, m.type)), g(seed), scene(s) {
-        driveid_regression r{};
-        r.equations = 1, r.channels = 2, r.params = 2, r.terms = 3, r.may_be_zero = 2;
-        r.hold[1] = DRIVEID_HOLD_ZERO;
-        r.term[0] = {0, 0, 2, 0, 1}, r.term[1] = {0, 0, 1, 1, 1}, r.term[2] = {0, 1, 0, DRIVEID_TERM_KNOWN, -1};
-        driveid_estimator_options o{};
-        o.dt_s = 1e-3, o.range[0] = 64, o.range[1] = 0.1;
-        char reason[300];
-        if (driveid_estimator_configure(get(), memory.size(), m.name, m.type, &r, &o, reason, sizeof reason)) std::fprintf(stderr, "%s: %s\n", m.shown, reason);
+    Run(const Method &m, Scene s, uint64_t seed) : AxisEstimator(options(), m.name, m.type), g(seed), scene(s) {
+        if (!reason.empty()) std::fprintf(stderr, "%s: %s\n", m.shown, reason.c_str());
         axis.J *= std::exp(plants::uniform(g, -0.5, 0.5)), axis.omega = plants::uniform(g, -5, 5);
     }
-    driveid_estimator *get() { return reinterpret_cast<driveid_estimator *>(memory.data()); }
     void step(bool moving, bool seen) {
         const double t = k * 1e-3, tau = moving ? 0.02 * std::sin(5 * t) + 0.02 * std::sin(13 * t) + 0.01 * std::sin(31 * t) : 0;
         colour = 0.95 * colour + std::sqrt(1 - 0.95 * 0.95) * 1e-3 * plants::gauss(g);
@@ -103,7 +100,6 @@ double median(std::vector<double> v) {
     std::sort(v.begin(), v.end());
     return v[v.size() / 2];
 }
-
 
 void table(Scene scene) {
     const int runs = scene == idle ? idle_seeds : seeds;

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from . import _core
+from . import _core, shifting
 from .errors import FileError, UsageError, close_names
 from .model import Model
 from .records import Record
@@ -121,6 +121,8 @@ def replay_drec(path: str | os.PathLike, *, drive: str | None = None, model: Mod
         raise FileError(path, "holds no decoded sample of this drive", mend="Record with record_samples = true, or read the frames with --dbc")
     record = Record(path.name, t_ns, columns, path=str(path))
     options = {k: settings[k] for k in ("method", "type", "dt_s", *_OPTIONS) if k in settings} | changes
+    if settings.get("motion_rad_s") and "bandwidth_rad_s" not in changes:
+        options["bandwidth_rad_s"] = shifting.suggest(order=2, dt_s=float(settings["dt_s"]), bandwidth_rad_s=float(settings["motion_rad_s"])).poles_rad_s[0]
     online, raw = _run(model or _model(path, settings, _recorded_model(file, index)), record, options.pop("method", "fsm"), options.pop("type", "f64"), options.pop("dt_s", None), 1, options,
                        [(signal["name"], signal["hold"]) for signal in settings.get("signal", []) if signal.get("hold")],
                        {signal["name"]: float(signal["range"]) for signal in settings.get("signal", []) if signal.get("range")})

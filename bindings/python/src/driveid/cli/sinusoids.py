@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""driveid frequency | excitation."""
+"""driveid frequency | excitation | suggest."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import click
 from rich.table import Table
 from rich.text import Text
 
-from .. import _core, sinusoids
+from .. import _core, shifting, sinusoids
 from ..errors import DataError
 from ..records import parse_maps, read
 from ..views import units
@@ -70,4 +70,23 @@ def excitation(json_file, **given) -> None:
     console.print(table)
 
 
-COMMANDS = [frequency, excitation]
+@click.command()
+@click.option("--dt", "dt_s", type=float, required=True, metavar="S", help="Sample time.")
+@click.option("--bandwidth", "bandwidth_rad_s", type=float, required=True, metavar="RAD_S", help="Fastest motion to identify: the highest resonance or corner.")
+@click.option("--noise", type=click.FloatRange(min=0), default=0.0, show_default=True, help="Noise of the measured signal over its root mean square.")
+@click.option("--order", type=click.IntRange(1, 6), default=2, show_default=True, help="Order n of the equation.")
+@click.option("--zeros", type=click.IntRange(0, 6), default=0, show_default=True, help="Highest derivative of the input.")
+@click.option("--no-input", is_flag=True, help="The equation has no input.")
+@click.option("--json", "json_file", metavar="FILE", help="Write the whole answer as JSON; - is standard output.")
+@invoke_guard
+def suggest(json_file, no_input, zeros, **given) -> None:
+    """Filters for frequency shifting: poles and shift q from sample time, bandwidth and noise."""
+    offered = shifting.suggest(zeros=None if no_input else zeros, **given)
+    write_document(json_file, _document(records=[], notices=[], given={**given, "zeros": offered.zeros}, poles_rad_s=list(offered.poles_rad_s), q_per_s=offered.q_per_s, bandwidth_rad_s=offered.poles_rad_s[0]))
+    console = stdout_console(json_file)
+    console.print(Text(f"{len(offered.poles_rad_s)} poles at {offered.poles_rad_s[0]:.4g} rad/s, q = {offered.q_per_s:.4g} 1/s", style="bold"))
+    console.print("for driveid.shifting.identify (the full form). A gateway runs the economical form, which has no q; in its configuration:")
+    console.print(f"    bandwidth_rad_s = {offered.poles_rad_s[0]:.4g}     # or: motion_rad_s = {given['bandwidth_rad_s']:.4g}", highlight=False)
+
+
+COMMANDS = [frequency, excitation, suggest]
