@@ -8,7 +8,8 @@
 // whole window would give them, lest an initial state that contradicts them make up for the model.
 // Whitened, the residual passes a monic filter found from the residual itself (noise.hpp): a noisy input or an unmodelled force makes the simulation
 // drift, and the drift of a sample ago is then taken for granted; what stays is nearly white, so that long windows cost nothing and counts are honest.
-// A skew between input and outputs (a part of a sample) may be a nuisance parameter.
+// A skew between input and outputs (a part of a sample) may be a nuisance parameter, and with it the input's course between samples, to second order
+// (a part of its second difference): read as straight lines, steps and decays of a current within a sample look like a few thousandths of inertia.
 // Steps are Gauss-Newton with Levenberg-Marquardt damping; derivatives are differences of simulations. The covariance is a sandwich over blocks of
 // the projected score, so it holds for coloured residuals; windows far outside the others' error are weighted down (Huber).
 #pragma once
@@ -37,6 +38,7 @@ struct FreeParam {               // where a free parameter lives in the model, a
   int index = 0;
   double scale = 1;              // size of a difference step, about a tenth of its uncertainty
   double lo = -1e300, hi = 1e300;
+  double prior = 0;              // deviation from zero that is known beforehand; 0: nothing is
 };
 
 struct OutputErrorProblem {
@@ -47,7 +49,9 @@ struct OutputErrorProblem {
   std::vector<const Stretch *> stretches;
   double window_s = 0;           // 0: whole stretches
   bool whiten = false;
-  bool free_skew = false;        // a nuisance parameter added to the skew of all stretches
+  bool free_skew = false;        // nuisances: a skew of the input added to that of all stretches, and what it does between samples
+  double most_skew = 0.6;        // samples
+  bool free_motion = false;      // a circuit: the motion's stamps may be off those of voltage and current by a part of a sample, as the input's may
   int iterations = 8;
   std::function<bool()> cancelled;
 };

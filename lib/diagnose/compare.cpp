@@ -47,6 +47,7 @@ void compare(Task &task, ordered_json &document) {
         throw BadData(record.name + ": " + (reason.empty() ? "its columns give the parameters other units than the model has; fit the model to this kind of record" : reason));
       const Compared c = compare_record(model, record);
       if (c.errors.free_run.rmse < 0 && c.errors.equation.rmse < 0) throw BadData(record.name + ": no column lets this model be compared");
+      for (const auto &n : notices_json(c.notices)) document["notices"].push_back(n);
       ordered_json &entry = document["records"][index++];
       const ordered_json errors = to_json(c.errors);
       entry.update(errors);

@@ -9,6 +9,7 @@
 #include "diagnose/fit_score.hpp"
 #include "diagnose/floor.hpp"
 #include "diagnose/locate.hpp"
+#include "diagnose/plausible.hpp"
 
 namespace driveid::diagnose {
 
@@ -279,7 +280,10 @@ Compared compare_record(const driveid_model &model, const Prepared &record, bool
   EquationSet set;
   if (model.structure != DRIVEID_STRUCTURE_LTI) {
     set = make_equations(model, {record}, {});
-    if (!quick) equation_errors(model, set, out, share);
+    if (!quick) {
+      equation_errors(model, set, out, share);
+      out.notices = implausible(set, model, record.name);
+    }
   }
   const driveid_signal signal = scored_signal(model, record);
   if (signal == DRIVEID_SIGNAL_COUNT) return out;

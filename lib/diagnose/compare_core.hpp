@@ -30,6 +30,7 @@ struct ResidualTest {
 struct Compared {
   ErrorSet errors;
   std::vector<ResidualTest> tests;
+  std::vector<Notice> notices;
   nlohmann::ordered_json where = nlohmann::ordered_json::array();   // regimes by their share of the removable error, as explain gives them
 };
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "diagnose/explain.hpp"
 #include "diagnose/explain_refine.hpp"
+#include "diagnose/plausible.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -228,6 +229,8 @@ Explanation explain(const driveid_model &model, const driveid_task &task, const 
     for (Prepared &p : *list) x.notices.insert(x.notices.end(), p.notices.begin(), p.notices.end());
   EquationSet set = make_equations(model, x.training, x.held_out);
   x.notices.insert(x.notices.end(), set.notices.begin(), set.notices.end());
+  for (Notice &n : implausible(set, model, "")) x.notices.push_back(std::move(n));
+  if (set.bad.empty()) set.bad = opposed(set, x.training, x.held_out);
   if (!set.bad.empty() || set.equation.empty()) {
     x.verdict = "bad_data";
     x.message = set.bad.empty() ? "the record has no equation of this structure: record its input and its motion" : set.bad;

@@ -7,9 +7,11 @@
 #include <cstring>
 #include <optional>
 
+#include "diagnose/compare_core.hpp"
 #include "diagnose/fit_lti.hpp"
 #include "diagnose/fit_score.hpp"
 #include "diagnose/floor.hpp"
+#include "diagnose/plausible.hpp"
 
 namespace driveid::diagnose {
 
@@ -88,6 +90,8 @@ void write_intervals(driveid_model &model, const std::vector<batch::FreeParam> &
 
 // ---- refinement of one part ----
 
+constexpr double kFilteredSpeed = 3;   // samples that a logged speed may be late by its own filter
+
 struct Objective {
   double window_s = -1;       // -1: equation
   bool whiten = false;
@@ -158,6 +162,9 @@ std::optional<batch::OutputErrorResult> refine(const driveid_model &model, const
   problem.window_s = objective.window_s;
   problem.whiten = objective.whiten;
   problem.free_skew = free_skew && objective.whiten;
+  problem.free_motion = part.mode == DRIVEID_SIM_ELECTRICAL;
+  const bool from_speed = !data.empty() && data[0].column[DRIVEID_SIGNAL_THETA_RAD].empty() && data[0].column[DRIVEID_SIGNAL_X_M].empty();
+  if (from_speed && part.mode == DRIVEID_SIM_MECHANICAL) problem.most_skew = kFilteredSpeed;
   problem.iterations = iterations;
   batch::OutputErrorResult r = batch::fit_output_error(problem);
   if (!r.ok) return std::nullopt;
@@ -190,8 +197,16 @@ constexpr double kAsGood = 0.15;     // objectives whose errors on kept-aside st
 constexpr double kTwice = 0.7;       // log
 constexpr double kWorthIt = 0.10;    // an objective without honest intervals must predict kept-aside stretches that much better
 
+constexpr double kUpset = 2;          // times the least error of the balance
 constexpr double kLeaves = 2;         // half-widths
 constexpr double kDerivatives = 0.5;  // agreement of steps up and down, below which a window is too long for a simulation that sticks and slips with a noisy input
+
+double balance_error(const EquationSet &set, bool electrical, const driveid_model &model) {
+  double squares = 0;
+  for (const Equation &e : set.equation)
+    if (e.electrical == electrical) squares += equation_residual(e, model).squaredNorm();
+  return std::sqrt(squares);
+}
 
 // The longest of the whitened objectives that predict about as well as the best of them.
 const Trial *choose_local(const std::vector<Trial> &trials) {
@@ -204,10 +219,15 @@ const Trial *choose_local(const std::vector<Trial> &trials) {
   return chosen;
 }
 
-const Trial *choose(const std::vector<Trial> &trials) {
+// A free run of a model that lacks much follows by values that are no drive's: those that upset the balance are not taken.
+const Trial *choose(const std::vector<Trial> &trials, const EquationSet &set, bool electrical) {
   const Trial *chosen = choose_local(trials);
+  double balanced = INFINITY;
+  for (const Trial &t : trials) balanced = std::min(balanced, balance_error(set, electrical, t.model));
   for (const Trial &t : trials) {
-    if (!t.objective.whiten && std::isfinite(t.score) && (!chosen || t.score < chosen->score - kWorthIt)) chosen = &t;
+    if (t.objective.whiten || !std::isfinite(t.score) || (chosen && t.score >= chosen->score - kWorthIt)) continue;
+    if (chosen && balance_error(set, electrical, t.model) > kUpset * balanced) continue;
+    chosen = &t;
   }
   return chosen;
 }
@@ -256,7 +276,7 @@ std::vector<Trial> try_objectives(FitOutcome &outcome, const Part &part, const D
       return trials;
     }
     const auto r = refine(start, part, data.training, objective, free, 12, data.free_skew);
-    if (!r || (r->agreement < kDerivatives && options.window_s < 0)) continue;
+    if (!r || (r->agreement < kDerivatives && options.window_s < 0 && part.mode != DRIVEID_SIM_ELECTRICAL)) continue;   // a circuit does not stick
     Trial t{name_of(objective), objective, r->model, judge(r->model, part, data.judged)};
     if (trials.empty() || t.score < trials.back().score + 0.5) start = t.model;
     trials.push_back(t);
@@ -280,7 +300,7 @@ void contradicted(driveid_param &simulated, const driveid_param &balanced) {
   if (!is_phase(simulated.name) && std::isfinite(other) && std::fabs(simulated.value - balanced.value) > own + other) reconcile(simulated, balanced);
 }
 
-void refine_part(FitOutcome &outcome, const Part &part, const std::vector<batch::Stretch> &training, const std::vector<batch::Stretch> &held_out, bool free_skew, const FitOptions &options) {
+void refine_part(FitOutcome &outcome, const Part &part, const std::vector<batch::Stretch> &training, const std::vector<batch::Stretch> &held_out, bool free_skew, const EquationSet &set, const FitOptions &options) {
   const std::vector<batch::FreeParam> free = free_params(outcome.model, part.mode);
   if (free.empty() || training.empty()) return;
   std::vector<Trial> trials;
@@ -291,7 +311,7 @@ void refine_part(FitOutcome &outcome, const Part &part, const std::vector<batch:
     if (trials.empty()) trials = turn;
     else add_scores(trials, turn);
   }
-  const Trial *local = choose_local(trials), *chosen = choose(trials);
+  const Trial *local = choose_local(trials), *chosen = choose(trials, set, part.mode == DRIVEID_SIM_ELECTRICAL);
   if (!chosen) return;
   std::optional<driveid_model> honest;
   auto fitted = [&](const Trial &trial) -> std::optional<driveid_model> {   // with the kept-aside stretches of the training records
@@ -321,11 +341,11 @@ std::vector<batch::Stretch> all_stretches(const driveid_model &model, const std:
   return out;
 }
 
-// A skew is a nuisance of the axis where the hold was not told and no delay stands in the model (in a circuit it is nearly R).
+// A skew is a nuisance where the hold was not told and no delay stands in the model.
 bool skew_unknown(const driveid_model &model, const Prepared &record, const Part &part) {
   for (uint32_t e = 0; e < model.effects; e++)
     if (std::strcmp(model.effect[e].name, "delay") == 0) return false;
-  return record.hold.empty() && part.mode == DRIVEID_SIM_MECHANICAL;
+  return record.hold.empty() && part.mode != DRIVEID_SIM_WHOLE;
 }
 
 std::string unfit(const driveid_model &model, const std::vector<Part> &parts) {
@@ -407,8 +427,9 @@ FitOutcome fit_model(const driveid_model &model, const std::vector<Prepared> &tr
   } else {
     set = make_equations(outcome.model, training, {});
     outcome.notices = set.notices;
-    outcome.bad = set.bad;
+    outcome.bad = set.bad.empty() ? opposed(set, training, {}) : set.bad;
     if (!outcome.bad.empty()) return outcome;
+    for (Notice &n : implausible(set, outcome.model, "")) outcome.notices.push_back(std::move(n));
     if (options.tick && !options.tick(0.1, "equations")) { outcome.cancelled = true; return outcome; }
     equation_stage(outcome, set, options);
   }
@@ -416,7 +437,7 @@ FitOutcome fit_model(const driveid_model &model, const std::vector<Prepared> &tr
   outcome.bad = unfit(outcome.model, parts);
   if (!outcome.bad.empty() || !options.refine) return outcome;
   for (const Part &part : parts) {
-    refine_part(outcome, part, all_stretches(outcome.model, training, set, part.mode), all_stretches(outcome.model, held_out, set, part.mode), skew_unknown(outcome.model, training[0], part), options);
+    refine_part(outcome, part, all_stretches(outcome.model, training, set, part.mode), all_stretches(outcome.model, held_out, set, part.mode), skew_unknown(outcome.model, training[0], part), set, options);
     if (outcome.cancelled) return outcome;
   }
   return outcome;

@@ -2,6 +2,7 @@
 // What a fit is made of: the frame its model is in, gap-free stretches, how inputs are read, and the parts that are fitted one after another.
 #include "diagnose/fit_core.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 
@@ -23,16 +24,15 @@ bool adopt_frame(driveid_model &model, const Prepared &record, std::string &reas
 
 namespace {
 
+// Derivative of the cubic through nine samples: straight lines over as many would take the fast part of the speed, and with it a part of the
+// back-EMF, for resistance.
 std::vector<double> slope(const std::vector<double> &x, double dt) {
+  static const double weight[4] = {126, 193, 142, -86};
   const std::ptrdiff_t n = std::ptrdiff_t(x.size()), h = 4;
-  std::vector<double> v(x.size());
-  for (std::ptrdiff_t k = 0; k < n; k++) {
-    const std::ptrdiff_t c = std::clamp<std::ptrdiff_t>(k, h, std::max<std::ptrdiff_t>(h, n - 1 - h));
-    double num = 0, den = 0;
-    for (std::ptrdiff_t j = -h; j <= h; j++)
-      if (c + j >= 0 && c + j < n) num += double(j) * x[std::size_t(c + j)], den += double(j * j);
-    v[std::size_t(k)] = num / den / dt;
-  }
+  std::vector<double> v(x.size(), 0.0);
+  for (std::ptrdiff_t k = h; k + h < n; k++)
+    for (std::ptrdiff_t j = 1; j <= h; j++) v[std::size_t(k)] += weight[j - 1] * (x[std::size_t(k + j)] - x[std::size_t(k - j)]) / (1188 * dt);
+  for (std::ptrdiff_t k = 0; k < n && n > 2 * h; k++) v[std::size_t(k)] = v[std::size_t(std::clamp(k, h, n - 1 - h))];
   return v;
 }
 

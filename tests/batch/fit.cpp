@@ -7,10 +7,6 @@
 
 #include "fitted.hpp"
 
-namespace {
-
-}  // namespace
-
 TEST(Fit, two_records_and_a_gap_are_one_fit) {
   records::Drive d;
   std::vector<records::Record> training{records::closed_loop(d, 8, 2e-3, 5), records::closed_loop(d, 8, 2e-3, 6)};
@@ -119,6 +115,48 @@ TEST(Compare, errors_tests_and_the_free_run) {
   const std::string sign = "independence of sign(omega)";
   EXPECT_FALSE(test(b, sign)["passed"].get<bool>());
   EXPECT_LT(test(a, sign)["statistic"].get<double>(), 0.3 * test(b, sign)["statistic"].get<double>());   // with the friction in the model
+}
+
+// Against values that the model brings along a swapped sign and a wrong unit show as a factor.
+TEST(Compare, swapped_signs_and_wrong_units_are_said) {
+  records::Drive d;
+  std::vector<records::Record> training{records::closed_loop(d, 8, 2e-3, 12)};
+  const std::string model = fit(kModel, training)["model_toml"].get<std::string>();
+  auto said = [&](double factor, const char *column) {
+    records::Record r = records::closed_loop(d, 8, 2e-3, 13);
+    for (double &v : r.column[column]) v *= factor;
+    const driveid_record raw = r.get();
+    driveid_task task = {model.c_str(), &raw, 1, nullptr, 0, nullptr, nullptr, nullptr};
+    char *text = nullptr, message[300] = "";
+    EXPECT_EQ(driveid_compare(&task, &text, message, sizeof message), DRIVEID_OK) << message;
+    std::string kinds;
+    const json document = json::parse(text);
+    for (const json &n : document["notices"]) kinds += n["kind"].get<std::string>() + ": " + n["text"].get<std::string>() + "\n";
+    driveid_text_free(text);
+    return kinds;
+  };
+  EXPECT_EQ(said(1, "i_A").find("units:"), std::string::npos);
+  EXPECT_EQ(said(1, "i_A").find("sign:"), std::string::npos);
+  EXPECT_NE(said(-1, "i_A").find("sign:"), std::string::npos);
+  EXPECT_NE(said(1000, "i_A").find("thousandths"), std::string::npos);
+  EXPECT_NE(said(57.29578, "theta_rad").find("degrees"), std::string::npos);
+}
+
+// One of two records with its current reversed: the pair is no average of both, it is refused by name. Explain refuses it too.
+TEST(Fit, a_record_with_a_swapped_sign_is_named) {
+  records::Drive d;
+  std::vector<records::Record> training{records::closed_loop(d, 8, 2e-3, 5), records::closed_loop(d, 8, 2e-3, 6)};
+  training[1].name = "second";
+  for (double &v : training[1].column["i_A"]) v = -v;
+  std::string said;
+  fit(kModel, training, DRIVEID_ERR_DATA, &said);
+  EXPECT_NE(said.find("second: input and motion have opposite signs"), std::string::npos) << said;
+  const driveid_record raw[] = {training[0].get(), training[1].get()};
+  driveid_task task = {kModel, raw, 2, nullptr, 0, nullptr, nullptr, nullptr};
+  char *text = nullptr, message[300] = "";
+  EXPECT_EQ(driveid_explain(&task, &text, message, sizeof message), DRIVEID_ERR_DATA);
+  EXPECT_NE(std::string(message).find("opposite signs"), std::string::npos) << message;
+  driveid_text_free(text);
 }
 
 TEST(Series, rows_and_names_are_those_of_the_record) {

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Record preparation and the kernels, against first principles.
+#include <algorithm>
 #include <cmath>
+#include <functional>
+#include <random>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -84,6 +87,55 @@ TEST(Record, SpeedInOtherUnitsIsNoticed) {
   Prepared p = prepare(log.record, axis_model());
   EXPECT_TRUE(noticed(p, "units"));
   EXPECT_TRUE(noticed(p, "sign"));
+}
+
+// A wrap says the unit, a step the encoder, stamps seconds apart the clock: none is taken in silence.
+TEST(Record, OtherUnitsShowInTheColumnItself) {
+  const Log plain = run_axis({}, 6, 1);
+  auto with = [&](const std::function<void(Log &)> &change) {
+    Log log = plain;
+    change(log);
+    log.seal("units");
+    return prepare(log.record, axis_model());
+  };
+  const double turn = 6.283185307179586;
+  EXPECT_FALSE(noticed(with([](Log &) {}), "units"));
+  const Prepared degrees = with([&](Log &l) { for (double &q : l.theta_rad) q = 360 * (q / turn - std::floor(q / turn)); });
+  EXPECT_TRUE(noticed(degrees, "units"));
+  const auto &x = degrees.pieces[0].signal.at("theta_rad");
+  for (std::size_t k = 0; k < x.size(); ++k) ASSERT_NEAR(x[k] - x[0], 360 / turn * (plain.theta_rad[k] - plain.theta_rad[0]), 1e-6) << k;   // unwrapped at 360, not at what was seen
+  EXPECT_TRUE(noticed(with([&](Log &l) { for (double &q : l.theta_rad) q = std::round(q / turn * 16384); }), "units"));
+  EXPECT_TRUE(noticed(with([](Log &l) { for (auto &t : l.t_ns) t *= 1000; }), "units"));
+}
+
+TEST(Record, StepsAreNoticedAndAnAxisAtItsExtremesIsNotClipped) {
+  Log log = run_axis({}, 6, 1);
+  const double turn = 6.283185307179586;
+  for (double &q : log.theta_rad) q = turn / 500 * std::floor(q / turn * 500);
+  log.seal("coarse");
+  Prepared p = prepare(log.record, axis_model());
+  EXPECT_TRUE(noticed(p, "quantised"));
+  EXPECT_FALSE(noticed(p, "clipped"));
+  const double most = *std::max_element(log.theta_rad.begin(), log.theta_rad.end());
+  for (double &q : log.theta_rad) q = std::min(q, 0.5 * most);   // a sensor that ends there
+  log.seal("short");
+  EXPECT_TRUE(noticed(prepare(log.record, axis_model()), "clipped"));
+}
+
+// Stamps that jitter by up to three tenths of a sample, each for itself: neighbours may seem 1.6 samples apart, and no row is lost.
+TEST(Record, JitteringStampsOfAUniformClockLoseNoRow) {
+  Log log = run_axis({}, 8, 5);
+  std::mt19937 random(3);
+  std::uniform_real_distribution<double> jitter(-0.3, 0.3);
+  for (auto &t : log.t_ns) t += std::int64_t(2e6 * jitter(random));
+  log.seal("jitter");
+  Prepared p = prepare(log.record, axis_model());
+  EXPECT_TRUE(noticed(p, "jitter"));
+  EXPECT_FALSE(noticed(p, "lost_rows"));
+  ASSERT_EQ(p.pieces.size(), 1u);
+  const auto &x = p.pieces[0].signal.at("theta_rad");
+  ASSERT_EQ(x.size(), log.theta_rad.size());
+  for (std::size_t k = 0; k < x.size(); ++k) ASSERT_NEAR(x[k], log.theta_rad[k], 0.02) << k;   // the mean step is that exact: a hundredth of a sample over 8 s
 }
 
 TEST(Record, RefusalsSayWhatToRecord) {
