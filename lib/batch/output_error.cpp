@@ -68,9 +68,8 @@ void report_rmse(const Fitting &f, const Stack &base, OutputErrorResult &result)
 
 double sample_time(const Stretch &s) { return (s.t_s.back() - s.t_s.front()) / double(s.t_s.size() - 1); }
 
-}  // namespace
-
-OutputErrorResult fit_output_error(const OutputErrorProblem &problem) {
+// blur: bound of the input's course between samples, 0: straight lines. At the bound is set where it was reached.
+OutputErrorResult fit_with(const OutputErrorProblem &problem, double blur, bool &at_bound) {
   OutputErrorResult result;
   result.model = problem.model;
   Fitting f{problem, problem.free, {}, {}, 0, {}, {}, {}, {}, {}, {}};
@@ -79,7 +78,7 @@ OutputErrorResult fit_output_error(const OutputErrorProblem &problem) {
     const double known = problem.free_motion ? kTiming : 0;
     f.free.push_back({kSkew, 0, 0.02 * dt, -problem.most_skew * dt, problem.most_skew * dt, known * dt});
     if (problem.free_motion) f.free.push_back({kMotion, 0, 0.02, -problem.most_skew, problem.most_skew, known});
-    else f.free.push_back({kBlur, 0, 0.01, -problem.most_skew, problem.most_skew});
+    else if (blur > 0) f.free.push_back({kBlur, 0, 0.01, -blur, blur});
   }
   for (const FreeParam &p : f.free) f.step.push_back(p.scale);
   make_windows(f);
@@ -124,6 +123,7 @@ OutputErrorResult fit_output_error(const OutputErrorProblem &problem) {
   if (!linearise(f, point, base, lin, false)) return result;
   result.model = point.model;
   result.skew_s = point.skew_s;
+  at_bound = blur > 0 && std::fabs(point.blur) > 0.95 * blur;
   const Eigen::VectorXd alike = agreement(f, point, base, lin);
   covariance(f, lin, alike, result);
   report_rmse(f, base, result);
@@ -133,6 +133,15 @@ OutputErrorResult fit_output_error(const OutputErrorProblem &problem) {
   result.agreement = P ? alike.head(P).minCoeff() : 1.0;
   result.ok = result.covariance.allFinite();
   return result;
+}
+
+}  // namespace
+
+// What lies between samples is bounded; beyond, the input's second difference stands in for something else (a spring, a filter), and is left alone.
+OutputErrorResult fit_output_error(const OutputErrorProblem &problem) {
+  bool at_bound = false;
+  const OutputErrorResult result = fit_with(problem, problem.free_skew && !problem.free_motion ? problem.most_blur : 0, at_bound);
+  return at_bound ? fit_with(problem, 0, at_bound) : result;
 }
 
 bool free_run(const driveid_model &model, const Stretch &stretch, driveid_sim_mode mode, std::size_t from, std::size_t to, std::size_t settle,

@@ -51,6 +51,7 @@ struct OutputErrorProblem {
   bool whiten = false;
   bool free_skew = false;        // nuisances: a skew of the input added to that of all stretches, and what it does between samples
   double most_skew = 0.6;        // samples
+  double most_blur = 0.15;       // of the second difference: a held value read as a line is 1/24, an average read as an instant 1/12
   bool free_motion = false;      // a circuit: the motion's stamps may be off those of voltage and current by a part of a sample, as the input's may
   int iterations = 8;
   std::function<bool()> cancelled;

@@ -164,7 +164,7 @@ std::optional<batch::OutputErrorResult> refine(const driveid_model &model, const
   problem.free_skew = free_skew && objective.whiten;
   problem.free_motion = part.mode == DRIVEID_SIM_ELECTRICAL;
   const bool from_speed = !data.empty() && data[0].column[DRIVEID_SIGNAL_THETA_RAD].empty() && data[0].column[DRIVEID_SIGNAL_X_M].empty();
-  if (from_speed && part.mode == DRIVEID_SIM_MECHANICAL) problem.most_skew = kFilteredSpeed;
+  if (from_speed && part.mode == DRIVEID_SIM_MECHANICAL) problem.most_skew = kFilteredSpeed, problem.most_blur = 0.5 * kFilteredSpeed;
   problem.iterations = iterations;
   batch::OutputErrorResult r = batch::fit_output_error(problem);
   if (!r.ok) return std::nullopt;
