@@ -15,9 +15,9 @@ namespace intervals {
 using plants::Rng;
 constexpr double dt = 1e-3, span_s = 6;
 
-enum Cell { white, coloured, rests, quantised, closed_loop, cells };
+enum Cell { white, coloured, rests, quantised, closed_loop, late_stamps, cells };
 inline const char *name(Cell c) {
-    static const char *const names[] = {"white noise", "coloured noise", "rests", "quantised encoder", "closed loop"};
+    static const char *const names[] = {"white noise", "coloured noise", "rests", "quantised encoder", "closed loop", "late stamps"};
     return names[c];
 }
 
@@ -68,6 +68,7 @@ inline void run(Cell cell, uint64_t seed, Result &result, driveid_real type = DR
 
     const double sigma = cell == quantised ? 0 : plants::log_uniform(g, 3e-4, 3e-2), lsb = 6.2831853 / 4096;
     const double f1 = plants::uniform(g, 0.3, 1.3), f2 = plants::uniform(g, 1, 3), phase = plants::uniform(g, 0, 6.28);
+    const double late_s = cell == late_stamps ? plants::log_uniform(g, 1e-5, 2e-4) : 0; // each stamp is late by up to this much, unknown
     Moves moves;
     double colour = 0, load = 0, information[16] = {0};
     for (int k = 0; k * dt <= span_s; k++) {
@@ -83,7 +84,7 @@ inline void run(Cell cell, uint64_t seed, Result &result, driveid_real type = DR
         }
         if (cell == coloured) load = 0.8 * load + 0.6 * J * 2 * plants::gauss(g); // torque noise, 5 ms
         const double channel[2] = {measured, tau};
-        driveid_estimator_update(e, 1 + int64_t(k) * 1000000, channel);
+        driveid_estimator_update(e, 1 + int64_t(k) * 1000000 + int64_t(1e9 * plants::uniform(g, 0, late_s)), channel);
         const double d[4] = {(varied[0].theta - axis.theta) / h[0], (varied[1].theta - axis.theta) / h[1], 1, (varied[2].theta - axis.theta) / h[3]};
         for (int i = 0; i < 4; i++)
             for (int j = 0; j < 4; j++) information[i * 4 + j] += d[i] * d[j];
@@ -102,7 +103,7 @@ inline void run(Cell cell, uint64_t seed, Result &result, driveid_real type = DR
         result.covered[i] += a.lo[i] <= truth[i] && truth[i] <= a.hi[i];
         const double width = (a.hi[i] - a.lo[i]) / 2 / 1.96;
         result.width[i].push_back(width / truth[i]);
-        if (sigma > 0) result.ratio[i].push_back(width / (least[i] * sigma));
+        if (sigma > 0 && cell != late_stamps) result.ratio[i].push_back(width / (least[i] * sigma));
     }
 }
 

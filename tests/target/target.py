@@ -94,25 +94,50 @@ def undefined(core):
     return {line.split()[-1] for line in call(["arm-none-eabi-nm", "-u", core]).stdout.splitlines()}
 
 
-def code_of(core, name):
-    """Names that a function calls, and those that its callees in this file call."""
+@functools.cache
+def calls_of(core):
+    """Function -> names that its code refers to."""
     text = call(["arm-none-eabi-objdump", "-dr", core]).stdout
     calls = {}
     for part in re.split(r"\n(?=[0-9a-f]{8} <)", text):
         head = re.match(r"[0-9a-f]{8} <([\w.]+)>:", part)
         if head:
             calls[head[1]] = set(re.findall(r"R_ARM_\w+\s+([\w.]+)", part))
+    return calls
+
+
+def code_of(core, name):
+    """Names that a function calls, and those that its callees in this file call."""
     todo, seen = [name], set()
     while todo:
         one = todo.pop()
         if one not in seen:
             seen.add(one)
-            todo += calls.get(one, set())
+            todo += calls_of(core).get(one, set())
     return seen
 
 
+# What an update calls through its method's table; the compiler's files do not show it.
+THROUGH_TABLE = {"rls": ("recursive_row_", "recursive_step_", "rls_learn_", "rls_solution_"), "window": ("window_row_", "kernel_step_"), "discrete": ("discrete_row_", "kernel_step_")}
+
+
+def stack(core, frames, method, kind):
+    """Stack of an update in bytes, solve included: frames along the deepest chain of calls; a bound where a table of functions lies between. The C library's own is not in it."""
+    def depth(name, above=()):
+        if name in above:
+            raise RuntimeError(f"{name} calls itself")
+        own = frames.get(name, frames.get(re.sub(r"\.\d+$", "", name), 0))
+        return own + max((depth(callee, (*above, name)) for callee in calls_of(core).get(name, ()) if callee in calls_of(core)), default=0)
+
+    if kind == "Q31":
+        return depth("q31_update")
+    if method == "fsm":
+        return depth("driveid_svf_update_f32")
+    return depth("learn_update") + max(depth(f"{name}f32") for name in THROUGH_TABLE[method] if f"{name}f32" in calls_of(core))
+
+
 def table(folder):
-    """Rows: cpu, method, type, code bytes, state bytes, largest frame, instructions a sample."""
+    """Rows: cpu, method, type, state bytes, stack bytes, instructions a sample; of a core: code bytes, largest frame."""
     library = plugin(folder)
     for cpu, types in (("Cortex-M4F", ("F32", "Q31")), ("Cortex-M0+", ("Q31",))):
         sizes = SMALL if cpu == "Cortex-M0+" else {}
@@ -125,9 +150,9 @@ def table(folder):
                 (folder / "state.c").write_text(f'#include <stdio.h>\n#include "driveid.h"\nint main(void) {{ printf("%u\\n", (unsigned)driveid_estimator_size("{method}", DRIVEID_{kind})); return 0; }}\n')
                 call(["arm-none-eabi-gcc", *CPUS[cpu], *defines({k: v for k, v in sizes.items() if k.startswith("DRIVEID")}), "--specs=rdimon.specs", "-Wl,--no-warn-rwx-segments", "-T", HERE / "mps2.ld", f"-I{folder}",
                       HERE / "startup.c", folder / "state.c", core, "-lm", "-o", state])
-                yield cpu, method, kind.lower(), int(run(state).stdout), round((counts[1] - counts[0]) / 1000)
+                yield cpu, method, kind.lower(), int(run(state).stdout), stack(core, frames, method, kind), round((counts[1] - counts[0]) / 1000)
         text = call(["arm-none-eabi-size", core]).stdout.splitlines()[1].split()
-        yield cpu, "all", "", int(text[0]), max((v, k) for k, v in frames.items())
+        yield cpu, "all", "", int(text[0]), max((v, k) for k, v in frames.items()), 0
 
 
 def write(path):
@@ -139,10 +164,11 @@ def write(path):
              "`tests/target/checks.c`, the unit checks that the host runs too (values, intervals, status, gaps, rest, restart, alarm, snapshot, saturation), passes on the Cortex-M4F in f32 and q31",
              "and, in q31, on qemu's micro:bit with its 16 KiB of memory: state, stack and checks together.",
              "Cortex-M0+ is built small: " + ", ".join(f"`{k}={v}`" for k, v in SMALL.items() if k.startswith("DRIVEID")) + ".", "",
-             "| core | method | type | state, bytes | instructions a sample |", "|---|---|---|---|---|"]
-    lines += [f"| {cpu} | {method} | {kind} | {state} | {count} |" for cpu, method, kind, state, count in rows if kind]
+             "| core | method | type | state, bytes | stack, bytes | instructions a sample |", "|---|---|---|---|---|---|"]
+    lines += [f"| {cpu} | {method} | {kind} | {state} | {deep} | {count} |" for cpu, method, kind, state, deep, count in rows if kind]
+    lines += ["", "Stack: frames along the deepest chain of calls of an update, solve included, without the C library's own; bounds where a table of functions lies between."]
     lines += ["", "| core | code of all methods and types, bytes | largest frame of a function, bytes |", "|---|---|---|"]
-    lines += [f"| {cpu} | {size} | {frame[0]} (`{frame[1]}`) |" for cpu, _, kind, size, frame in rows if not kind]
+    lines += [f"| {cpu} | {size} | {frame[0]} (`{frame[1]}`) |" for cpu, _, kind, size, frame, _ in rows if not kind]
     lines += ["", "## Fixed point", "", "What q31 refuses, with the reason that `configure` gives (tests/unit/fixed_test.cpp):", "",
               "| method | carries | refused | why |", "|---|---|---|---|",
               "| fsm, rls | up to third derivatives | fourth and higher | the rounding of a filter state comes back (bandwidth/omega)^order larger |",
@@ -156,10 +182,11 @@ def write(path):
 
 
 def short(rows):
-    """README's table: the frequency-shifting estimator."""
-    lines = ["| core | type | state, bytes | instructions a sample | code of all methods, bytes |", "|---|---|---|---|---|"]
-    code = {cpu: size for cpu, _, kind, size, _ in rows if not kind}
-    return lines + [f"| {cpu} | {kind} | {state} | {count} | {code[cpu]} |" for cpu, method, kind, state, count in rows if method == "fsm"]
+    """README's table."""
+    code = {cpu: size for cpu, _, kind, size, _, _ in rows if not kind}
+    lines = ["| core | method | type | state, bytes | stack, bytes | instructions a sample |", "|---|---|---|---|---|---|"]
+    lines += [f"| {cpu} | {method} | {kind} | {state} | {deep} | {count} |" for cpu, method, kind, state, deep, count in rows if kind]
+    return [*lines, "", "Code of all methods and types: " + ", ".join(f"{size} bytes ({cpu})" for cpu, size in code.items()) + "."]
 
 
 def readme(rows):

@@ -67,12 +67,9 @@ def of_coefficients(c: dict[str, float]):
     """dω/dt = sum of terms; sign(0) holds."""
     def acceleration(i, theta, omega):
         a = c.get("i", 0) * i + c.get("omega", 0) * omega
-        for name, value in c.items():
-            if name == "coulomb":
-                a += value * np.sign(omega) if omega else -np.clip(a, -abs(value), abs(value))
-            elif name in TERMS:
-                a += value * float(TERMS[name](theta, np.float64(omega)))
-        return a
+        a += sum(value * float(TERMS[name](theta, np.float64(omega))) for name, value in c.items() if name in TERMS and name != "coulomb")
+        dry = c.get("coulomb", 0.0)  # last: at rest it holds against all the others together
+        return a + (dry * np.sign(omega) if omega else -np.clip(a, -abs(dry), abs(dry)))
     return acceleration
 
 
