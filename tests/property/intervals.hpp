@@ -84,7 +84,7 @@ inline void run(Cell cell, uint64_t seed, Result &result, driveid_real type = DR
         }
         if (cell == coloured) load = 0.8 * load + 0.6 * J * 2 * plants::gauss(g); // torque noise, 5 ms
         const double channel[2] = {measured, tau};
-        driveid_estimator_update(e, 1 + int64_t(k) * 1000000 + int64_t(1e9 * plants::uniform(g, 0, late_s)), channel);
+        driveid_estimator_update(e, 1 + int64_t(k) * 1000000 + (cell == late_stamps ? int64_t(1e9 * plants::uniform(g, 0, late_s)) : 0), channel);
         const double d[4] = {(varied[0].theta - axis.theta) / h[0], (varied[1].theta - axis.theta) / h[1], 1, (varied[2].theta - axis.theta) / h[3]};
         for (int i = 0; i < 4; i++)
             for (int j = 0; j < 4; j++) information[i * 4 + j] += d[i] * d[j];
