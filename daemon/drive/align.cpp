@@ -17,8 +17,8 @@ void each_bit(uint32_t mask, F f) {
 
 void Aligner::begin(uint32_t mask) {
     // A value that comes again before its set is complete, or too late for it, starts a new set.
-    if ((fresh_ & mask & o_.waited) == 0) return;
-    if ((fresh_ & o_.waited) != 0) ++n_.incomplete;
+    if (!(fresh_ & mask)) return;
+    ++n_.incomplete;
     fresh_ = 0;
 }
 
@@ -27,8 +27,8 @@ bool Aligner::add(uint32_t mask, const double* value, const driveid_stamp& stamp
     if (o_.sync < 0) {
         begin(mask);
         int64_t first = stamp.t_ns;
-        each_bit(fresh_ & o_.waited, [&](int s) { first = std::min(first, stamp_[s].t_ns); });
-        if ((fresh_ & o_.waited) && stamp.t_ns - first > o_.tolerance_ns) {
+        each_bit(fresh_, [&](int s) { first = std::min(first, stamp_[s].t_ns); });
+        if (stamp.t_ns - first > o_.tolerance_ns) {
             ++n_.incomplete;
             fresh_ = 0;
         }

@@ -43,7 +43,7 @@ private:
 
     AlignOptions o_;
     AlignCounters n_;
-    uint32_t fresh_ = 0, have_ = 0;
+    uint32_t fresh_ = 0, have_ = 0;  // fresh: of those waited for
     std::array<double, DRIVEID_SIGNAL_COUNT> value_{};
     std::array<driveid_stamp, DRIVEID_SIGNAL_COUNT> stamp_{};
     bool have_last_ = false, stepped_ = false;

@@ -11,7 +11,7 @@ namespace {
 
 constexpr double kTwoPi = 6.283185307179586476925286766559;
 
-uint64_t low_bits(unsigned n) { return n >= 64 ? ~uint64_t(0) : (uint64_t(1) << n) - 1; }
+uint64_t low_bits(unsigned n) { return (uint64_t(1) << n) - 1; }  // of a byte
 
 int64_t sign_extend(uint64_t raw, unsigned bits) {
     if (bits >= 64) return int64_t(raw);
@@ -30,7 +30,7 @@ Number can_number(const FieldConfig& c) {
 size_t BitField::bytes() const {
     if (!big) return (start + length - 1u) / 8 + 1;
     const unsigned in_first = start % 8 + 1u;
-    return start / 8 + 1u + (length > in_first ? (length - in_first + 7) / 8 : 0);
+    return start / 8 + 1u + (std::max<unsigned>(length, in_first) - in_first + 7) / 8;
 }
 
 uint64_t BitField::extract(const uint8_t* data) const {
@@ -92,7 +92,7 @@ Scaler::Result Scaler::convert(uint64_t raw, int64_t t_ns, double& value) {
         value = v;
         return jump ? Result::jump : Result::ok;
     }
-    if (wrap_ != ~uint64_t(0) && wrap_ <= low_bits(bits_) && raw >= wrap_) return Result::out_of_range;
+    if (wrap_ != ~uint64_t(0) && raw >= wrap_) return Result::out_of_range;
     int64_t step = 0;
     if (!primed_) {
         count_ = number_ == Number::signed_integer ? sign_extend(raw, bits_) : int64_t(raw);

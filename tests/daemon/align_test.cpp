@@ -84,6 +84,7 @@ TEST(Align, OnlyManyLateSetsInARowAreANewTimeLine) {
     EXPECT_TRUE(set(1000 * kMs));
     int late = 0;
     while (!set((10 + late) * kMs)) ASSERT_LT(++late, 1000);
+    EXPECT_EQ(late, 19) << "the twentieth in a row";
     EXPECT_EQ(f.aligner.counters().late, uint64_t(late) + 1);
     EXPECT_TRUE(f.aligner.new_time_line());
     for (int k = 0; k < late; ++k) {                            // a set in time between them starts the count anew
@@ -127,7 +128,7 @@ TEST(Align, SyncClosesTheSampleWithWhatIsFresh) {
     o.sync = DRIVEID_SIGNAL_I_A;
     Feed f(o);
     f.add(kTheta, 1, 0);
-    f.add(kTheta, 2, kMs / 4);                     // faster than the current: the last one counts
+    EXPECT_FALSE(f.add(kTheta, 2, kMs / 4));       // faster than the current: the last one counts
     EXPECT_TRUE(f.add(kI, 3, kMs / 2));
     EXPECT_EQ(f.out.value[DRIVEID_SIGNAL_THETA_RAD], 2);
     EXPECT_EQ(f.out.stamp.t_ns, kMs / 4);

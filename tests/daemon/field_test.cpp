@@ -229,6 +229,12 @@ TEST(Scaler, A64BitCounterWrapsAndWhatIsOutOfItsLimitsIsNotCounted) {
     EXPECT_EQ(limited.convert(25, 1000000, v), Scaler::Result::out_of_range);
     EXPECT_EQ(limited.convert(12, 2000000, v), Scaler::Result::ok);
     EXPECT_DOUBLE_EQ(v, 12) << "the refused value left no trace";
+    c.min = 3, c.max = 8;
+    Scaler inside(c, Number::unsigned_integer, 16);
+    EXPECT_EQ(inside.convert(3, 0, v), Scaler::Result::ok) << "the limits themselves";
+    EXPECT_EQ(inside.convert(8, 1000000, v), Scaler::Result::ok);
+    EXPECT_EQ(inside.convert(9, 2000000, v), Scaler::Result::out_of_range);
+    EXPECT_EQ(inside.convert(2, 3000000, v), Scaler::Result::out_of_range);
 }
 
 TEST(Scaler, LimitsAreInclusiveAndTheRateIsPerSecondBetweenTheTwoStamps) {
@@ -246,6 +252,91 @@ TEST(Scaler, LimitsAreInclusiveAndTheRateIsPerSecondBetweenTheTwoStamps) {
     EXPECT_EQ(counts.convert(20, 1500000000, v), Scaler::Result::ok) << "at rest";
     EXPECT_DOUBLE_EQ(v, 20);
     EXPECT_EQ(counts.convert(9, 2500000000, v), Scaler::Result::jump) << "11 in one";
+}
+
+// Two readings with one stamp: the rate is that of a nanosecond, not infinite.
+TEST(Scaler, TwoReadingsOfOneStamp) {
+    FieldConfig c = plain();
+    c.max_rate = 1e9;
+    double v = 0;
+    Scaler s(c, Number::unsigned_integer, 16);
+    EXPECT_EQ(s.convert(5, 1000, v), Scaler::Result::ok);
+    EXPECT_EQ(s.convert(6, 1000, v), Scaler::Result::ok) << "one in a nanosecond";
+    EXPECT_EQ(s.convert(8, 1000, v), Scaler::Result::jump);
+    c.counts_per_turn = 2 * kPi;
+    Scaler counts(c, Number::unsigned_integer, 16);
+    EXPECT_EQ(counts.convert(5, 1000, v), Scaler::Result::ok);
+    EXPECT_EQ(counts.convert(6, 1000, v), Scaler::Result::ok);
+    EXPECT_EQ(counts.convert(8, 1000, v), Scaler::Result::jump);
+    c.max_rate = 10;
+    Scaler slow(c, Number::unsigned_integer, 16);
+    EXPECT_EQ(slow.convert(20, 1000000000, v), Scaler::Result::ok);
+    EXPECT_EQ(slow.convert(30, 2000000000, v), Scaler::Result::ok) << "10 in one second";
+    EXPECT_EQ(slow.convert(41, 3000000000, v), Scaler::Result::jump);
+}
+
+TEST(Scaler, A64BitFieldHasItsOwnWrapOrAll) {
+    FieldConfig c = plain();
+    c.counts_per_turn = 2 * kPi;
+    double v = 0;
+    Scaler whole(c, Number::unsigned_integer, 64);
+    EXPECT_EQ(whole.convert(0, 0, v), Scaler::Result::ok);
+    EXPECT_EQ(whole.convert(~uint64_t(0), 1000, v), Scaler::Result::ok) << "every pattern of 64 bits is a count";
+    EXPECT_DOUBLE_EQ(v, -1);
+    EXPECT_EQ(whole.convert(~uint64_t(0) - 1, 2000, v), Scaler::Result::ok);
+    EXPECT_DOUBLE_EQ(v, -2);
+    c.wrap_counts = 1000;
+    Scaler part(c, Number::unsigned_integer, 64);
+    EXPECT_EQ(part.convert(999, 0, v), Scaler::Result::ok);
+    EXPECT_EQ(part.convert(1000, 1000, v), Scaler::Result::out_of_range);
+    EXPECT_EQ(part.convert(0, 2000, v), Scaler::Result::ok);
+    EXPECT_DOUBLE_EQ(v, 1000);
+}
+
+TEST(Scaler, HalfTheWrapIsABackwardStep) {
+    FieldConfig c = plain();
+    c.counts_per_turn = 2 * kPi, c.wrap_counts = 10;
+    double v = 0;
+    Scaler s(c, Number::unsigned_integer, 8);
+    EXPECT_EQ(s.convert(0, 0, v), Scaler::Result::ok);
+    EXPECT_EQ(s.convert(4, 1000, v), Scaler::Result::ok);
+    EXPECT_DOUBLE_EQ(v, 4);
+    EXPECT_EQ(s.convert(9, 2000, v), Scaler::Result::ok);
+    EXPECT_DOUBLE_EQ(v, -1);
+}
+
+TEST(CanField, AGroupOfNumberZeroAndABitThatChoosesThePage) {
+    FieldConfig c = plain();
+    c.can_id = -1, c.pgn = 0;  // TSC1, addressed
+    CanField f(c);
+    EXPECT_TRUE(f.extended);
+    EXPECT_TRUE(f.matches(0x0C000003, true));
+    EXPECT_FALSE(f.matches(0x0C010003, true));
+    c.pgn = 0xF000;  // the first that is sent to all
+    EXPECT_FALSE(CanField(c).matches(0x18F00100, true));
+    c.pgn = 0xEF00;
+    EXPECT_TRUE(CanField(c).matches(0x18EFFF00, true));
+    c = plain(), c.mux_length = 1, c.mux_start_bit = 63;
+    CanField paged(c);
+    EXPECT_TRUE(paged.has_mux);
+    EXPECT_EQ(paged.bytes(), 8u);
+}
+
+TEST(RegisterField, EncodingsSayTheirKindAndTable) {
+    FieldConfig c = plain();
+    c.can_id = -1, c.address = 10;
+    const std::pair<const char*, std::pair<Number, int>> kinds[] = {{"", {Number::unsigned_integer, 1}}, {"u16", {Number::unsigned_integer, 1}}, {"i16", {Number::signed_integer, 1}},
+                                                                    {"i32", {Number::signed_integer, 2}}, {"u64", {Number::unsigned_integer, 4}}, {"f32", {Number::f32, 2}}, {"f64", {Number::f64, 4}}};
+    for (const auto& [encoding, what] : kinds) {
+        c.encoding = encoding;
+        EXPECT_EQ(RegisterField(c).number, what.first) << encoding;
+        EXPECT_EQ(RegisterField(c).count, what.second) << encoding;
+    }
+    c.table = "input";
+    EXPECT_FALSE(RegisterField(c).holding);
+    c.table = "holding";
+    EXPECT_TRUE(RegisterField(c).holding);
+    EXPECT_EQ(RegisterField(c).address, 10);
 }
 
 }  // namespace

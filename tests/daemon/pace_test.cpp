@@ -98,4 +98,53 @@ TEST(Pace, SilenceBeginsAnewAndTimeNeverRunsBack) {
     EXPECT_EQ(pacer.instant(200000000), 200000000);
 }
 
+// After a hole of 20 periods come arrivals at this spacing: are they believed within nine of them?
+bool believed(double spacing, uint64_t periods = 0) {
+    gw::Pacer pacer(kPeriod, kSilence);
+    int64_t t = 5000000000, got = 0;
+    for (int k = 0; k < 100; ++k) pacer.instant(t += kPeriod, periods);
+    t += 20 * kPeriod;
+    for (int k = 0; k < 9; ++k) got = pacer.instant(t += llround(spacing * kPeriod), periods);
+    return got == t;
+}
+
+TEST(Pace, OnlyArrivalsAboutAPeriodApartAreARow) {
+    for (double spacing : {0.51, 0.6, 1.0, 1.4, 1.49}) EXPECT_TRUE(believed(spacing)) << spacing;
+    for (double spacing : {0.3, 0.4, 0.5, 1.5, 1.6, 2.0}) EXPECT_FALSE(believed(spacing)) << spacing;
+    EXPECT_FALSE(believed(1.0, 1)) << "where a counter tells, it is believed and not the row";
+}
+
+// The row is of exactly eight, all late by half a period or more.
+TEST(Pace, ARowHasEightArrivalsLateByHalfAPeriod) {
+    const auto after = [](int64_t late_ns) {
+        gw::Pacer pacer(kPeriod, kSilence);
+        int64_t t = 5000000000;
+        for (int k = 0; k < 100; ++k) pacer.instant(t += kPeriod);
+        t += late_ns;
+        for (int k = 1; k < 40; ++k)
+            if (t += kPeriod; pacer.instant(t) == t) return k;
+        return 40;
+    };
+    EXPECT_EQ(after(3 * kPeriod), 9) << "the first ends the hole";
+    EXPECT_EQ(after(kPeriod * 6 / 10), 9) << "the first is 1.6 periods after the last";
+    EXPECT_EQ(after(kPeriod * 45 / 100), 40) << "late by less: it is made up by 200 ppm alone";
+}
+
+TEST(Pace, ASilenceIsLongerThanItsLimitEitherWay) {
+    gw::Pacer pacer(kPeriod, kSilence);
+    int64_t t = pacer.instant(1000000000);
+    EXPECT_LT(pacer.instant(t + kSilence), t + kSilence) << "just not";
+    EXPECT_EQ(pacer.instant(t + 2 * kSilence + 1), t + 2 * kSilence + 1);
+    EXPECT_GT(pacer.instant(t + kSilence + 1), t + 2 * kSilence) << "back, but not by more than a silence";
+    EXPECT_EQ(pacer.instant(t - kSilence), t - kSilence) << "the stamps begin anew";
+}
+
+// An early arrival is followed at once, but never onto the last instant: a quarter of a period lies between two.
+TEST(Pace, InstantsLieAQuarterOfAPeriodApartAtLeast) {
+    gw::Pacer pacer(kPeriod, kSilence);
+    const int64_t t = pacer.instant(1000000000);
+    EXPECT_EQ(pacer.instant(t + 1), t + kPeriod / 4);
+    EXPECT_EQ(pacer.instant(t + kPeriod / 4 + 400000), t + kPeriod / 4 + 400000);
+}
+
 }  // namespace

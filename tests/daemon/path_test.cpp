@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // From frame to sample to estimate inside one drive: right values, exact accounting, no allocation.
+#include <array>
 #include <cmath>
 #include <cstring>
+#include <vector>
 
 #include <gtest/gtest.h>
 
@@ -290,11 +292,187 @@ TEST(Path, RepliesAreCountedByTheirCounterAndAJumpIsAGap) {
     EXPECT_EQ(reply(10, -3, 800, 3), Fate::used);
     EXPECT_EQ(drive.counters().jumps, 1u);
     EXPECT_EQ(drive.counters().gaps, 1u);
+    EXPECT_EQ(drive.counters().dropped, 0u) << "a jump loses nothing";
     EXPECT_EQ(reply(10, -3, 800, 4), Fate::used);
     ModbusReply other{};
     other.unit = 2, other.function = 4, other.count = 3;
     EXPECT_EQ(drive.reply(0, other, {2000000000, 0, DRIVEID_CLOCK_DAEMON}), Fate::unused) << "another unit";
     EXPECT_EQ(drive.reply(1, other, {2000000000, 0, DRIVEID_CLOCK_DAEMON}), Fate::unused) << "another source";
+}
+
+
+struct Fields {
+    explicit Fields(const std::string& keys, const std::string& signals) {
+        ConfigResult r = config_read_text("[[source]]\nname = \"bus\"\nkind = \"socketcan\"\ninterface = \"vcan0\"\n[[source]]\nname = \"plc\"\nkind = \"modbus_tcp\"\nhost = \"127.0.0.1\"\nunit = 1\n"
+                                          "[[drive]]\nname = \"a\"\nstructure = \"rigid_axis\"\ngiven = { K_t_Nm_A = 0.05 }\ndt_s = 0.001\n" + keys + signals, "x.toml");
+        EXPECT_TRUE(r.errors.empty()) << (r.errors.empty() ? "" : r.errors[0]);
+        config = r.config;
+        drive = std::make_unique<Drive>(config.drives[0], config, 0, ear);
+    }
+    Fate frame(uint32_t id, std::vector<uint8_t> data, int64_t t_us, int source = 0) {
+        canfd_frame f{};
+        f.can_id = id, f.len = uint8_t(data.size());
+        std::copy(data.begin(), data.end(), f.data);
+        return drive->frame(source, f, id & CAN_EFF_FLAG, {1000000000 + t_us * 1000, 0, DRIVEID_CLOCK_KERNEL});
+    }
+    Fate reply(uint16_t address, std::vector<uint16_t> registers, int64_t t_us, uint8_t function = 4, uint8_t unit = 1) {
+        ModbusReply m{};
+        m.unit = unit, m.function = function, m.address = address, m.count = uint16_t(registers.size());
+        std::copy(registers.begin(), registers.end(), m.registers);
+        return drive->reply(1, m, {1000000000 + t_us * 1000, 0, DRIVEID_CLOCK_DAEMON});
+    }
+    double i() const { return ear.last.value[DRIVEID_SIGNAL_I_Q_A]; }
+    double theta() const { return ear.last.value[DRIVEID_SIGNAL_THETA_RAD]; }
+    Ear ear;
+    Config config;
+    std::unique_ptr<Drive> drive;
+};
+
+std::string can(const char* name, const char* keys) { return std::string("  [[drive.signal]]\n  name = \"") + name + "\"\n  source = \"bus\"\n  " + keys + "\n"; }
+std::string plc(const char* name, const char* keys) { return std::string("  [[drive.signal]]\n  name = \"") + name + "\"\n  source = \"plc\"\n  " + keys + "\n"; }
+
+TEST(Path, TwoPagesOfOneMessageAreOneSample) {
+    Fields f("", can("i_q_A", "can_id = 0x10\n  start_bit = 8\n  mux = { length = 8, value = 1 }") + can("theta_rad", "can_id = 0x10\n  start_bit = 8\n  mux = { length = 8, value = 2 }"));
+    EXPECT_EQ(f.frame(0x10, {1, 7, 0}, 0), Fate::used);
+    EXPECT_EQ(f.ear.samples, 0);
+    EXPECT_EQ(f.frame(0x10, {2, 9, 0}, 100), Fate::used);
+    EXPECT_EQ(f.ear.samples, 1);
+    EXPECT_EQ(f.i(), 7);
+    EXPECT_EQ(f.theta(), 9);
+    EXPECT_EQ(f.frame(0x10, {3, 9, 0}, 200), Fate::used) << "a page of no interest";
+    EXPECT_EQ(f.ear.samples, 1);
+    EXPECT_EQ(f.frame(0x10, {1, 9}, 300), Fate::rejected);
+}
+
+TEST(Path, AValueOutOfItsLimitsRejectsTheWholeFrame) {
+    Fields f("", can("i_q_A", "can_id = 0x10\n  max = 5") + can("theta_rad", "can_id = 0x10\n  start_bit = 16"));
+    EXPECT_EQ(f.frame(0x10, {6, 0, 1, 0}, 0), Fate::rejected);
+    EXPECT_EQ(f.ear.samples, 0);
+    EXPECT_EQ(f.frame(0x10, {5, 0, 1, 0}, 1000), Fate::used);
+    EXPECT_EQ(f.ear.samples, 1);
+    EXPECT_EQ(f.drive->counters().rejected, 1u);
+}
+
+TEST(Path, AJumpInAFrameIsAGapOfNothingLost) {
+    Fields f("", can("i_q_A", "can_id = 0x10") + can("theta_rad", "can_id = 0x10\n  start_bit = 16\n  max_rate = 1000"));
+    EXPECT_EQ(f.frame(0x10, {1, 0, 1, 0}, 0), Fate::used);
+    EXPECT_EQ(f.frame(0x10, {1, 0, 2, 0}, 1000), Fate::used);
+    EXPECT_EQ(f.drive->counters().jumps, 0u) << "one in a millisecond is 1000 a second";
+    EXPECT_EQ(f.frame(0x10, {1, 0, 9, 0}, 2000), Fate::used);
+    EXPECT_EQ(f.drive->counters().jumps, 1u);
+    EXPECT_EQ(f.drive->counters().gaps, 1u);
+    EXPECT_EQ(f.drive->counters().dropped, 0u);
+    EXPECT_EQ(f.ear.samples, 3);
+}
+
+TEST(Path, TheInstantIsTheFramesOfIdentifierZeroTooAndOnlyForOneSampleTime) {
+    Fields f("instant_can_id = 0\n", can("i_q_A", "can_id = 0x10") + can("theta_rad", "can_id = 0x10\n  start_bit = 16"));
+    EXPECT_EQ(f.frame(0, {}, 0), Fate::used);
+    EXPECT_EQ(f.frame(0x10, {1, 0, 1, 0}, 999), Fate::used);
+    EXPECT_EQ(f.ear.last.stamp.t_ns, 1000000000);
+    EXPECT_EQ(f.frame(0x10, {1, 0, 1, 0}, 1000), Fate::used) << "a sample time after the mark it marks no more";
+    EXPECT_EQ(f.ear.last.stamp.t_ns, 1000000000 + 1000000);
+    EXPECT_EQ(f.frame(0 | CAN_EFF_FLAG, {}, 2000), Fate::unused) << "29 bits";
+    EXPECT_EQ(f.frame(0x10, {1, 0, 1, 0}, 2500), Fate::used);
+    EXPECT_EQ(f.ear.last.stamp.t_ns, 1000000000 + 2500000);
+}
+
+TEST(Path, RegistersAreReadWhereTheReplyHasThemAll) {
+    Fields f("", plc("i_q_A", "address = 4\n  encoding = \"i32\"") + plc("theta_rad", "address = 6\n  encoding = \"u16\""));
+    EXPECT_EQ(f.reply(4, {0, 7, 9}, 0), Fate::used);
+    ASSERT_EQ(f.ear.samples, 1);
+    EXPECT_EQ(f.i(), 7);
+    EXPECT_EQ(f.theta(), 9);
+    EXPECT_EQ(f.reply(2, {0, 0, 0, 8, 10, 0}, 1000), Fate::used) << "more on both sides";
+    EXPECT_EQ(f.i(), 8);
+    EXPECT_EQ(f.reply(5, {9}, 2000), Fate::unused) << "half of it";
+    EXPECT_EQ(f.reply(4, {9}, 2000), Fate::unused);
+    EXPECT_EQ(f.reply(5, {9, 11}, 2000), Fate::used) << "the angle alone";
+    EXPECT_EQ(f.ear.samples, 2);
+    EXPECT_EQ(f.reply(4, {0, 9}, 2100), Fate::used) << "and the current after it";
+    EXPECT_EQ(f.ear.samples, 3);
+    EXPECT_EQ(f.theta(), 11);
+    EXPECT_EQ(f.reply(4, {0, 7, 9}, 3000, 3), Fate::unused) << "holding registers are another table";
+    EXPECT_EQ(f.reply(4, {0, 7, 9}, 3000, 4, 2), Fate::unused) << "another unit";
+    EXPECT_EQ(f.ear.samples, 3);
+}
+
+TEST(Path, HoldingRegistersAndTheirLimits) {
+    Fields f("", plc("i_q_A", "address = 0\n  table = \"holding\"\n  max = 5") + plc("theta_rad", "address = 1\n  table = \"holding\"\n  max_rate = 1000"));
+    EXPECT_EQ(f.reply(0, {1, 1}, 0), Fate::unused);
+    EXPECT_EQ(f.reply(0, {1, 1}, 0, 3), Fate::used);
+    EXPECT_EQ(f.reply(0, {6, 1}, 1000, 3), Fate::rejected);
+    EXPECT_EQ(f.drive->counters().rejected, 1u);
+    EXPECT_EQ(f.ear.samples, 1);
+}
+
+TEST(Path, ACounterOf64BitsCounts) {
+    Fields f("", plc("i_q_A", "address = 4") + plc("theta_rad", "address = 5") + "  [drive.counter]\n  source = \"plc\"\n  address = 0\n  encoding = \"u64\"\n");
+    for (uint16_t k = 0; k < 3; ++k) EXPECT_EQ(f.reply(0, {0, 0, 0, k, 1, 1}, 1000 * k), Fate::used);
+    EXPECT_EQ(f.ear.samples, 3);
+    EXPECT_EQ(f.reply(0, {0, 0, 0, 2, 1, 1}, 3000), Fate::used);
+    EXPECT_EQ(f.ear.samples, 3);
+    EXPECT_EQ(f.drive->counters().duplicates, 1u);
+}
+
+// Half of the counter's range ahead is ahead; one more is behind.
+TEST(Path, ACounterIsBehindBeyondHalfItsRange) {
+    const auto fates = [](uint8_t next) {
+        Fields f("", can("i_q_A", "can_id = 0x10") + can("theta_rad", "can_id = 0x10\n  start_bit = 16") + "  [drive.counter]\n  source = \"bus\"\n  can_id = 0x10\n  start_bit = 32\n  length = 8\n");
+        EXPECT_EQ(f.frame(0x10, {1, 0, 1, 0}, 0), Fate::rejected) << "too short for the counter";
+        EXPECT_EQ(f.drive->counters().rejected, 1u);
+        f.frame(0x10, {1, 0, 1, 0, 0}, 0);
+        f.frame(0x10, {1, 0, 1, 0, next}, 1000);
+        return std::array<uint64_t, 3>{f.drive->counters().reordered, f.drive->counters().dropped, uint64_t(f.ear.samples)};
+    };
+    EXPECT_EQ(fates(128), (std::array<uint64_t, 3>{0, 127, 2}));
+    EXPECT_EQ(fates(129), (std::array<uint64_t, 3>{1, 0, 1}));
+    EXPECT_EQ(fates(1), (std::array<uint64_t, 3>{0, 0, 2}));
+}
+
+// paced, with a counter: three counts on is three periods on, however late the frame.
+TEST(Path, PacedByTheDrivesOwnCounter) {
+    Fields f("paced = true\n", can("i_q_A", "can_id = 0x10") + can("theta_rad", "can_id = 0x10\n  start_bit = 16") + "  [drive.counter]\n  source = \"bus\"\n  can_id = 0x10\n  start_bit = 32\n  length = 8\n");
+    f.frame(0x10, {1, 0, 1, 0, 0}, 0);
+    f.frame(0x10, {1, 0, 1, 0, 1}, 1000);
+    f.frame(0x10, {1, 0, 1, 0, 4}, 9000);
+    EXPECT_NEAR(double(f.ear.last.stamp.t_ns - 1000000000), 4e6, 2e3);
+}
+
+// A skew of half a sample: the current between its two readings, with the angle's stamp.
+TEST(Path, TheSkewIsTakenOut) {
+    Fields f("skew_s = 0.0005\n", can("i_q_A", "can_id = 0x10") + can("theta_rad", "can_id = 0x10\n  start_bit = 16"));
+    for (uint8_t k = 0; k < 4; ++k) f.frame(0x10, {uint8_t(10 * k), 0, k, 0}, 1000 * k);
+    EXPECT_EQ(f.ear.samples, 3);
+    EXPECT_DOUBLE_EQ(f.i(), 25);
+    EXPECT_EQ(f.theta(), 2);
+    EXPECT_EQ(f.ear.last.stamp.t_ns, 1000000000 + 2000000);
+    f.drive->gap(0, 1);
+    f.frame(0x10, {90, 0, 9, 0}, 9000);
+    f.frame(0x10, {100, 0, 10, 0}, 10000);
+    EXPECT_DOUBLE_EQ(f.i(), 95) << "nothing is joined across the gap";
+    EXPECT_EQ(f.ear.samples, 4);
+}
+
+
+TEST(Path, SignalsInTwoMessagesAreJudgedEachByItsOwn) {
+    Fields f("", can("i_q_A", "can_id = 0x11") + can("theta_rad", "can_id = 0x10"));
+    EXPECT_EQ(f.frame(0x10, {1}, 0), Fate::rejected) << "too short for the second signal, which is in it";
+    EXPECT_EQ(f.frame(0x10, {1, 0}, 0), Fate::used);
+    EXPECT_EQ(f.frame(0x11, {2, 0}, 100), Fate::used);
+    EXPECT_EQ(f.ear.samples, 1);
+    EXPECT_EQ(f.i(), 2);
+    EXPECT_EQ(f.theta(), 1);
+    EXPECT_EQ(f.frame(0x12, {2, 0}, 200), Fate::unused);
+}
+
+TEST(Path, ACounterInsideTheReply) {
+    Fields f("", plc("i_q_A", "address = 10") + plc("theta_rad", "address = 11") + "  [drive.counter]\n  source = \"plc\"\n  address = 12\n  encoding = \"u16\"\n");
+    EXPECT_EQ(f.reply(10, {1, 1, 5}, 0), Fate::used);
+    EXPECT_EQ(f.reply(10, {1, 1, 5}, 1000), Fate::used);
+    EXPECT_EQ(f.drive->counters().duplicates, 1u);
+    EXPECT_EQ(f.reply(10, {1, 1, 6}, 2000), Fate::used);
+    EXPECT_EQ(f.ear.samples, 2);
 }
 
 }  // namespace

@@ -93,4 +93,27 @@ TEST(Shift, WhatIsNotMovedStays) {
     EXPECT_EQ(got.value[DRIVEID_SIGNAL_I_A], reading(got.stamp.t_ns, 0).value[DRIVEID_SIGNAL_I_A]);
 }
 
+// Values that lie on no line: each is between the two readings around its instant, and comes as soon as the second of them is there.
+TEST(Shift, TheTwoReadingsAroundTheInstantAtOnce) {
+    for (int64_t skew : {-2500000, -1000000, -250000, 750000, 1000000, 2250000}) {
+        std::mt19937 random(9);
+        std::vector<double> i;
+        Shifter shifter(skew, kI, 50 * kMs);
+        for (int k = 0; k < 200; ++k) {
+            driveid_sample s = reading(k * kMs, 0);
+            i.push_back(s.value[DRIVEID_SIGNAL_I_A] = double(random() % 1000));
+            int came = 0;
+            shifter.add(s, [&](const driveid_sample& out) {
+                ++came;
+                const double at = double(out.stamp.t_ns + skew) / kMs;
+                const size_t a = size_t(at);
+                const double part = at - double(a), expected = i[a] + (part > 0 ? part * (i[a + 1] - i[a]) : 0);
+                ASSERT_NEAR(out.value[DRIVEID_SIGNAL_I_A], expected, 1e-9) << skew << " at " << k;
+                EXPECT_EQ(out.stamp.t_ns, (k - (std::max<int64_t>(skew, 0) + kMs - 1) / kMs) * kMs);
+            });
+            EXPECT_EQ(came, k >= (std::llabs(skew) + kMs - 1) / kMs ? 1 : 0) << skew << " at " << k;
+        }
+    }
+}
+
 }  // namespace
