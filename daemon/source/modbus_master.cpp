@@ -113,12 +113,8 @@ void Line::work() {
         Device* next = nullptr;
         for (auto& d : devices_)
             if (!d->off && (!next || d->due_ns < next->due_ns)) next = d.get();
-        if (!next) {
-            if (!rest(monotonic_ns() + 100000000)) break;
-            continue;
-        }
-        if (!rest(next->due_ns)) break;
-        poll(*next);
+        if (!rest(next ? next->due_ns : monotonic_ns() + 100000000)) break;
+        if (next) poll(*next);
     }
     close();
 }
@@ -210,7 +206,11 @@ bool Line::open_serial_line(Device& d) {
             if (other.get() != &d && !other->off) failed(*other, other->config.device.c_str(), why);
         return failed(d, d.config.device.c_str(), why), false;
     }
-    if (d.config.rs485) modbus_rtu_set_serial_mode(context_, MODBUS_RTU_RS485);
+    if (d.config.rs485 && modbus_rtu_set_serial_mode(context_, MODBUS_RTU_RS485) < 0) {
+        const int why = errno;
+        close();
+        return failed(d, "the port refuses RS-485 mode; remove rs485 where the adapter switches by itself", why), false;
+    }
     modbus_flush(context_);
     return true;
 }

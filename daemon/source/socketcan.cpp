@@ -11,9 +11,9 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-#include "base/clock.hpp"
 #include "base/loop.hpp"
 #include "source/can_port.hpp"
+#include "source/can_stamp.hpp"
 
 namespace gw {
 
@@ -36,21 +36,17 @@ public:
     int read(CanBatch& batch) override;
     bool send(const canfd_frame& frame, bool fd) override;
     std::string address() const override { return config_.interface; }
-    const char* clock() const override { return hardware_ ? "hardware" : "kernel"; }
+    const char* clock() const override { return stamps_.clock(); }
     void buffer(int64_t& asked, int64_t& granted) const override { asked = config_.buffer_bytes, granted = granted_; }
 
 private:
     void options();
-    void stamp_of(const msghdr& h, driveid_stamp& stamp, uint64_t& dropped);
 
     SourceConfig config_;
     std::vector<can_filter> filters_;
     Fd fd_;
-    RealtimeToMonotonic realtime_;
-    HardwareToMonotonic hardware_clock_;
-    bool hardware_ = false;
+    CanStamps stamps_;
     int64_t granted_ = 0;
-    uint32_t overflow_ = 0;
     canfd_frame frames_[kCanBatch];
     iovec vectors_[kCanBatch];
     mmsghdr headers_[kCanBatch];
@@ -80,7 +76,7 @@ int SocketCan::open(std::string& error) {
         fd_.reset();
         return -1;
     }
-    overflow_ = 0;
+    stamps_.reopened();
     return fd_.get();
 }
 
@@ -103,37 +99,16 @@ void SocketCan::options() {
     granted_ = granted;
 }
 
-void SocketCan::stamp_of(const msghdr& h, driveid_stamp& stamp, uint64_t& dropped) {
-    stamp = {realtime_.now_ns(), 10000000, DRIVEID_CLOCK_DAEMON};
-    for (cmsghdr* c = CMSG_FIRSTHDR(&h); c; c = CMSG_NXTHDR(const_cast<msghdr*>(&h), c)) {
-        if (c->cmsg_level != SOL_SOCKET) continue;
-        if (c->cmsg_type == SO_TIMESTAMPING) {
-            scm_timestamping ts;
-            memcpy(&ts, CMSG_DATA(c), sizeof ts);
-            const MonotonicStamp soft = realtime_.convert(to_ns({ts.ts[0].tv_sec, ts.ts[0].tv_nsec}));
-            const int64_t hard = to_ns({ts.ts[2].tv_sec, ts.ts[2].tv_nsec});
-            hardware_ = hard != 0;
-            const MonotonicStamp s = hard ? hardware_clock_.convert(hard, soft.t_ns) : soft;
-            stamp = {s.t_ns, s.err_ns, hard ? DRIVEID_CLOCK_HARDWARE : DRIVEID_CLOCK_KERNEL};
-        } else if (c->cmsg_type == SO_RXQ_OVFL) {
-            uint32_t total;
-            memcpy(&total, CMSG_DATA(c), sizeof total);
-            dropped += uint32_t(total - overflow_);  // wraps as the kernel's counter does
-            overflow_ = total;
-        }
-    }
-}
-
 int SocketCan::read(CanBatch& b) {
     b.n = 0, b.dropped = 0, b.malformed = 0;
     for (auto& h : headers_) h.msg_hdr.msg_controllen = sizeof control_[0];
     const int n = recvmmsg(fd_.get(), headers_, kCanBatch, MSG_DONTWAIT, nullptr);
-    b.clock_step_ns = realtime_.measure();
+    b.clock_step_ns = stamps_.measure();
     if (n < 0) return errno == EAGAIN || errno == EINTR ? 0 : -errno;
     for (int i = 0; i < n; ++i) {
         const unsigned size = headers_[i].msg_len;
         driveid_stamp stamp;
-        stamp_of(headers_[i].msg_hdr, stamp, b.dropped);
+        stamps_.read(headers_[i].msg_hdr, stamp, b.dropped);
         if (size != CAN_MTU && size != CANFD_MTU) {
             ++b.malformed;
             continue;

@@ -10,6 +10,7 @@
 #include <sys/capability.h>
 #include <sys/mman.h>
 #include <sys/prctl.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
 #include <seccomp.h>
@@ -37,8 +38,18 @@ const char* const kAllowed[] = {
 
 }  // namespace
 
+// Later allocations are locked too, when the capability that passes over the limit is gone: the limit itself must allow them.
+static void lock_memory() {
+    const rlimit none{RLIM_INFINITY, RLIM_INFINITY};
+    setrlimit(RLIMIT_MEMLOCK, &none);
+    rlimit now{};
+    errno = ENOMEM;
+    if (getrlimit(RLIMIT_MEMLOCK, &now) < 0 || now.rlim_cur != RLIM_INFINITY || mlockall(MCL_CURRENT | MCL_FUTURE) < 0)
+        fail("system.lock_memory", "allow it (LimitMEMLOCK=infinity) or set it to false");
+}
+
 void set_scheduling(const SystemConfig& c) {
-    if (c.lock_memory && mlockall(MCL_CURRENT | MCL_FUTURE) < 0) fail("system.lock_memory", "allow it (LimitMEMLOCK=infinity) or set it to false");
+    if (c.lock_memory) lock_memory();
     if (c.realtime_priority == 0) return;
     sched_param p{};
     p.sched_priority = int(c.realtime_priority);

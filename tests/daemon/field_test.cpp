@@ -119,6 +119,17 @@ TEST(Scaler, FloatsAndWhatIsNoNumber) {
     }
 }
 
+TEST(Scaler, DoublesAreReadAsTheyStand) {
+    double v = 0;
+    const double d = -1.0 / 3;
+    uint64_t bits;
+    memcpy(&bits, &d, 8);
+    Scaler s(plain(), Number::f64, 64);
+    EXPECT_EQ(s.convert(bits, 0, v), Scaler::Result::ok);
+    EXPECT_EQ(v, d);
+    EXPECT_EQ(s.convert(0x7FF0000000000000u, 1, v), Scaler::Result::out_of_range);
+}
+
 TEST(Scaler, EncoderUnwrapsBothWays) {
     FieldConfig c = plain();
     c.counts_per_turn = 4096, c.gear_ratio = -2;

@@ -147,4 +147,20 @@ TEST(Pace, InstantsLieAQuarterOfAPeriodApartAtLeast) {
     EXPECT_EQ(pacer.instant(t + kPeriod / 4 + 400000), t + kPeriod / 4 + 400000);
 }
 
+// Anew after a silence: the row is counted from nothing there too.
+TEST(Pace, ARowBeginsAnewAfterASilence) {
+    gw::Pacer pacer(kPeriod, kSilence);
+    int64_t t = 5000000000;
+    for (int k = 0; k < 10; ++k) pacer.instant(t += kPeriod);
+    pacer.instant(t += 2 * kSilence);
+    t += kPeriod * 6 / 10;  // the next ones are all late by that
+    int k = 1;
+    while (k < 40) {
+        t += kPeriod;
+        if (pacer.instant(t) == t) break;
+        ++k;
+    }
+    EXPECT_EQ(k, 9) << "the first is 1.6 periods after the last";
+}
+
 }  // namespace

@@ -475,4 +475,13 @@ TEST(Path, ACounterInsideTheReply) {
     EXPECT_EQ(f.ear.samples, 2);
 }
 
+
+// paced, without a counter: that samples were lost is seen from a steady row of late frames.
+TEST(Path, PacedByTheFramesAlone) {
+    Fields f("paced = true\n", can("i_q_A", "can_id = 0x10") + can("theta_rad", "can_id = 0x10\n  start_bit = 16"));
+    for (int k = 0; k < 50; ++k) f.frame(0x10, {1, 0, 1, 0}, 1000 * k);
+    for (int k = 53; k < 63; ++k) f.frame(0x10, {1, 0, 1, 0}, 1000 * k);
+    EXPECT_EQ(f.ear.last.stamp.t_ns, 1000000000 + 62000000);
+}
+
 }  // namespace

@@ -5,11 +5,12 @@ import os
 import signal
 import socket
 import struct
+import subprocess
 import time
 
 import pytest
 from faults import recovery
-from gateway import SOCKETPAIR, Axis, J, drive, frame, near_truth, parameters
+from gateway import DAEMON, SOCKETPAIR, Axis, J, drive, frame, near_truth, parameters
 
 
 @pytest.mark.parametrize("number_type", ["f64", "f32"])
@@ -217,3 +218,32 @@ def test_months_of_garbage_do_not_grow_it(gateway):
     assert source["frames"] == source["used"] + source["unused"] + source["rejected"]
     assert gateway.memory_kB() - before < 2000
     assert os.path.getsize(gateway.log) < 200_000, "the log is rate-limited"
+
+
+def test_a_descriptor_that_is_no_socket_is_told(gateway):
+    gateway.start(SOCKETPAIR.replace("10", "0") + drive())
+    source = gateway.until(lambda s: s["sources"][0]["last_error"])["sources"][0]
+    assert source["state"] == "closed" and "no inherited datagram socket" in source["last_error"] and "it is tried again" in gateway.text()
+
+
+def test_a_buffer_smaller_than_asked_is_told(gateway):
+    gateway.start(SOCKETPAIR + "buffer_bytes = 1073741824\n" + drive())
+    source = gateway.until(lambda s: s["sources"][0]["state"] == "open")["sources"][0]
+    assert 0 < source["buffer_granted"] < source["buffer_asked"] == 1 << 30
+    assert 'receive buffer is smaller than asked" mend="run as root once, or raise net.core.rmem_max' in gateway.text()
+
+
+def test_a_connection_that_ends_is_lost_and_told(gateway):
+    """SOCK_SEQPACKET has an end; the messages before it are used."""
+    mine, its = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    shell = f'exec 10<&{its.fileno()}; exec "$@"'
+    gateway.write(SOCKETPAIR + drive())
+    with gateway.log.open("ab") as log:
+        gateway.process = subprocess.Popen(["bash", "-c", shell, "bash", str(DAEMON), "gw.toml"], cwd=gateway.folder, stdin=subprocess.DEVNULL, stdout=log, stderr=log, pass_fds=[its.fileno()])
+    its.close()
+    gateway.wait_ready()
+    for message in Axis().frames(20, 0):
+        mine.send(message)
+    mine.close()
+    status = gateway.until(lambda s: s["sources"][0]["bus_state"] == "down")
+    assert status["sources"][0]["used"] == 20

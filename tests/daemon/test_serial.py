@@ -11,6 +11,7 @@ import tty
 import pytest
 from faults import recovery
 from gateway import Axis, drive
+from test_shim import SHIM
 
 
 class Port:
@@ -178,6 +179,49 @@ def test_a_missing_port_is_told_and_found_later(gateway, tmp_path):
         gateway.until(lambda s: s["sources"][0]["frames"] > 5, 15)
     port.ready()
     units.running = False
+
+
+def test_rs485_mode_is_asked_of_the_port(gateway, tmp_path):
+    """A pseudo terminal has none, and says so; with one that takes it (tests/daemon/shim.c) the mode is on and the device is polled."""
+    port = Port(tmp_path / "ttyUSB0")
+    units = Units(port, alive={1})
+    text = rtu("u1", port.link, 1).replace("poll_s", "rs485 = true\npoll_s") + axis("a", "u1")
+    gateway.start(text, buses=0)
+    refused = gateway.until(lambda s: s["sources"][0]["errors"] >= 1)["sources"][0]
+    assert "RS-485" in refused["last_error"] and "remove rs485" in refused["last_error"] and refused["frames"] == 0
+    assert gateway.stop() == 0
+    if "DRIVEIDD" not in os.environ:
+        gateway.start(text, buses=0, env={"LD_PRELOAD": str(SHIM), "DRIVEID_SHIM_RS485": str(tmp_path / "flags")})
+        gateway.until(lambda s: s["sources"][0]["frames"] > 5)
+        assert struct.unpack("<I", (tmp_path / "flags").read_bytes())[0] & 1, "SER_RS485_ENABLED"
+    units.running = False
+
+
+SPEEDS = [9600, 19200, 38400, 57600, 115200, 230400, 460800, 921600, 1000000, 2000000, 3000000]
+
+
+def test_the_line_has_the_speed_of_the_configuration(gateway, tmp_path):
+    ports = {baud: Port(tmp_path / f"tty{baud}") for baud in SPEEDS}
+    sources = "".join(slcan(port.link).replace('"bus"', f'"b{baud}"') + f"baud = {baud}\n" for baud, port in ports.items())
+    gateway.start(sources + drive(source="b9600"), buses=0)
+    gateway.until(lambda s: all(source["state"] == "open" for source in s["sources"]))
+    for baud, port in ports.items():
+        assert termios.tcgetattr(port.master)[4:6] == [getattr(termios, f"B{baud}")] * 2, baud
+
+
+def test_a_speed_that_no_line_has_is_told(gateway, tmp_path):
+    port = Port(tmp_path / "ttyACM0")
+    gateway.start(slcan(port.link) + "baud = 12345\n" + drive(), buses=0)
+    told = gateway.until(lambda s: s["sources"][0]["last_error"])["sources"][0]
+    assert "baud 12345 is not supported" in told["last_error"] and told["state"] == "closed"
+
+
+@pytest.mark.skipif("DRIVEIDD" in os.environ, reason="SKIPPED BECAUSE sanitizers bring their own allocator")
+def test_an_adapter_that_takes_no_bytes_is_told_and_tried_again(gateway, tmp_path):
+    port = Port(tmp_path / "ttyACM0")
+    gateway.start(slcan(port.link) + drive(), buses=0, env={"LD_PRELOAD": str(SHIM), "DRIVEID_SHIM_DEAF": "1"})
+    told = gateway.until(lambda s: s["sources"][0]["last_error"])["sources"][0]
+    assert "takes no bytes" in told["last_error"] and told["state"] == "closed"
 
 
 @pytest.mark.parametrize("bitrate", [1, 300000])
