@@ -106,15 +106,10 @@ int SocketCan::read(CanBatch& b) {
     b.clock_step_ns = stamps_.measure();
     if (n < 0) return errno == EAGAIN || errno == EINTR ? 0 : -errno;
     for (int i = 0; i < n; ++i) {
-        const unsigned size = headers_[i].msg_len;
         driveid_stamp stamp;
         stamps_.read(headers_[i].msg_hdr, stamp, b.dropped);
-        if (size != CAN_MTU && size != CANFD_MTU) {
-            ++b.malformed;
-            continue;
-        }
         b.frame[b.n] = frames_[i];
-        b.fd[b.n] = size == CANFD_MTU;
+        b.fd[b.n] = headers_[i].msg_len == CANFD_MTU;  // else CAN_MTU: a raw socket hands over no other size
         b.stamp[b.n] = stamp;
         ++b.n;
     }

@@ -161,4 +161,20 @@ TEST(Align, NothingHalfSurvivesAGap) {
     EXPECT_EQ(f.out.value[DRIVEID_SIGNAL_I_A], 2);
 }
 
+// A sync that found the set incomplete leaves nothing of it: the next one needs every value anew, the lowest signal too.
+TEST(Align, NothingOfAnIncompleteSetIsLeftForTheNextSync) {
+    AlignOptions o = two(kMs);
+    o.waited |= 1u << DRIVEID_SIGNAL_V_V;
+    o.sync = DRIVEID_SIGNAL_THETA_RAD;
+    Feed f(o);
+    f.add(kI, 1, 0);
+    EXPECT_FALSE(f.add(kTheta, 1, 100)) << "no voltage";
+    f.add(1u << DRIVEID_SIGNAL_V_V, 1, kMs / 2);
+    EXPECT_FALSE(f.add(kTheta, 2, kMs / 2 + 100)) << "no current since";
+    f.add(kI, 3, kMs);
+    f.add(1u << DRIVEID_SIGNAL_V_V, 3, kMs);
+    EXPECT_TRUE(f.add(kTheta, 3, kMs + 100));
+    EXPECT_EQ(f.aligner.counters().incomplete, 2u);
+}
+
 }  // namespace

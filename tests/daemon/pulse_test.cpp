@@ -63,7 +63,7 @@ TEST(Pulse, RepliesThatNobodyTakesStarveTheWatchdog) {
     {
         const gw::ConfigResult r = gw::config_read_text(
             "format = 1\n[[source]]\nname = \"plc\"\nkind = \"modbus_tcp\"\nhost = \"127.0.0.1\"\nport = " + std::to_string(ntohs(at.sin_port)) +
-            "\nunit = 1\npoll_s = 0.005\n[[drive]]\nname = \"a\"\nstructure = \"rigid_axis\"\ngiven = { K_t_Nm_A = 0.05 }\ndt_s = 0.005\n"
+            "\nunit = 1\npoll_s = 0.0005\n[[drive]]\nname = \"a\"\nstructure = \"rigid_axis\"\ngiven = { K_t_Nm_A = 0.05 }\ndt_s = 0.005\n"
             "  [[drive.signal]]\n  name = \"i_A\"\n  source = \"plc\"\n  address = 0\n  [[drive.signal]]\n  name = \"omega_rad_s\"\n  source = \"plc\"\n  address = 1\n", "x.toml");
         ASSERT_TRUE(r.errors.empty()) << r.errors[0];
         gw::Loop loop;
@@ -80,6 +80,14 @@ TEST(Pulse, RepliesThatNobodyTakesStarveTheWatchdog) {
         stop.start(50000000, 0);
         loop.run();
         EXPECT_TRUE(gateway.alive()) << "they were taken";
+        for (int k = 0; k < 40 && gateway.sources()[0]->status().dropped == 0; ++k) {  // until there is no more room for what waits
+            usleep(500000);
+            stop.start(50000000, 0);
+            loop.run();
+        }
+        EXPECT_GT(gateway.sources()[0]->status().dropped, 0u) << "counted, not kept";
+        EXPECT_EQ(gateway.drives()[0]->counters().dropped, gateway.sources()[0]->status().dropped);
+        EXPECT_GT(gateway.drives()[0]->counters().gaps, 0u);
     }
     server.join();
     close(listener);

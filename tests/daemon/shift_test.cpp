@@ -86,6 +86,16 @@ TEST(Shift, ASampleAtTheSilencesLengthIsStillJoined) {
     EXPECT_EQ(out, 1);
 }
 
+TEST(Shift, AfterALongTimeItBeginsAnewAsAtFirst) {
+    Shifter shifter(400000, kI, 5 * kMs);
+    int out = 0;
+    for (int k = 1; k <= 100; ++k) shifter.add(reading(k * kMs, 400000), [&](const driveid_sample&) { ++out; });
+    EXPECT_EQ(out, 99);
+    shifter.restart();
+    for (int k = 1; k <= 100; ++k) shifter.add(reading(k * kMs, 400000), [&](const driveid_sample& s) { expect_right(s), ++out; });
+    EXPECT_EQ(out, 198);
+}
+
 TEST(Shift, WhatIsNotMovedStays) {
     Shifter shifter(500000, 1u << DRIVEID_SIGNAL_V_V, 50 * kMs);
     driveid_sample got{};

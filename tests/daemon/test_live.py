@@ -247,3 +247,10 @@ def test_a_connection_that_ends_is_lost_and_told(gateway):
     mine.close()
     status = gateway.until(lambda s: s["sources"][0]["bus_state"] == "down")
     assert status["sources"][0]["used"] == 20
+
+
+def test_a_bus_that_is_not_there_is_told_and_tried_again(gateway):
+    """No such interface, or no CAN in this kernel at all."""
+    gateway.start('[[source]]\nname = "bus"\nkind = "socketcan"\ninterface = "nosuch0"\n' + drive(), buses=0)
+    source = gateway.until(lambda s: s["sources"][0]["last_error"])["sources"][0]
+    assert source["state"] == "closed" and ("ip link shows" in source["last_error"] or "use slcan or Modbus" in source["last_error"]) and "it is tried again" in gateway.text()

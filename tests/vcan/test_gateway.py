@@ -281,6 +281,35 @@ def test_real_time_scheduling_and_locked_memory(gateway):
     assert int(locked.split()[1]) > 1000
 
 
+@pytest.mark.parametrize("interface, words", [("nosuch0", "ip link shows what there is"), ("lo", "ip link set lo up")])
+def test_what_is_no_can_interface_is_told_and_tried_again(gateway, interface, words):
+    text = LISTEN.format(buffer=1 << 20)
+    other = text[text.index("[[source]]"):text.index("[[drive]]")].replace('"bus"', '"other"').replace("vcan0", interface)
+    (gateway.folder / "driveidd.toml").write_text(text.replace("[[source]]", other + "[[source]]", 1))
+    gateway.listen(wait=False)
+    source = bus(gateway.until(lambda s: bus(s)["last_error"], 20, "the fault being told"))
+    assert source["state"] == "closed" and words in source["last_error"] and "it is tried again" in gateway.log()
+
+
+def test_parameters_go_out_on_their_own_identifiers_only(gateway):
+    """What the gateway sends on a real bus, seen by another node."""
+    gateway.simulate("--seed", 5, "--rate", 250, "--bus", "can:vcan0")
+    text = (gateway.folder / "driveidd.toml").read_text()
+    drive, source = (re.search(rf'\[\[{what}\]\]\s*name = "([^"]+)"', text)[1] for what in ("drive", "source"))
+    (gateway.folder / "driveidd.toml").write_text(text + f'\n[[sink]]\nname = "out"\nkind = "can"\nsource = "{source}"\ndrive = "{drive}"\ncan_id = 0x5A0\nperiod_s = 0.05\n')
+    gateway.listen()
+    seen, ends = {}, time.monotonic() + 20
+    with socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW) as node:
+        node.bind(("vcan0",))
+        node.settimeout(5)
+        while sum(n for can_id, n in seen.items() if can_id >= 0x5A0) < 20:
+            assert time.monotonic() < ends, seen
+            can_id = struct.unpack("<I", node.recv(72)[:4])[0]
+            seen[can_id] = seen.get(can_id, 0) + 1
+    assert 0x5A0 in seen and all(can_id < 0x5A0 or can_id < 0x5A0 + 8 for can_id in seen), seen
+    assert gateway.status()["sinks"][0]["sent"] >= 20
+
+
 def test_ends_on_signals(gateway):
     (gateway.folder / "driveidd.toml").write_text(LISTEN.format(buffer=1 << 20))
     for sign in (signal.SIGTERM, signal.SIGINT):
