@@ -12,7 +12,7 @@
  *           while; its name is that of the plainest effect (a change of the model's own parameters, then fewest columns) among those whose likelihoods the recent motion does not tell apart.
  * Parameters  SI.
  * Returns   driveid_watch_init: DRIVEID_OK; DRIVEID_ERR_CONFIG where the structure has no mechanical equation (nothing is watched then).
- * Cost      a sample: four multiply-adds for each column (about 160 for a rotary axis), about four times the estimator's (docs/benchmark-estimator.md); none while the drive rests. State about 65 kB.
+ * Cost      a sample: four multiply-adds for each column (about 160 for a rotary axis), about three times the estimator's (docs/benchmark-estimator.md); none while the drive rests. State about 65 kB.
  * Accuracy  tests/property/watch_test.cpp (8 hours without a false alarm), tests/daemon/test_watch.py (each change named within 10 s of motion). */
 #ifndef DRIVEID_WATCH_H
 #define DRIVEID_WATCH_H
