@@ -9,6 +9,9 @@
 #define ROWS_FIRST 10.0      /* coarse rows beyond the unknowns before anything is said */
 #define ROWS_LATER 50.0      /* and before a prefiltered stage is believed */
 #define SCALE_LEAST 1e-6     /* of the known side's mean square must be its own */
+#define CONFIRMED 0.8        /* of the first interval: half as many rows again */
+#define AGREED 50            /* answers, where the interval does not shrink: a second of motion */
+#define AGREES 1e-3          /* of the value: closer than that nobody asks */
 #define EXCESS 2.0           /* output noise may weigh so much more at low frequency than at high, behind a prefilter */
 
 _Static_assert(DRIVEID_SOLVE_MAX >= FSM_PACKED && DRIVEID_SOLVE_MAX >= DRIVEID_ORDER_MAX, "DRIVEID_SOLVE_MAX is too small for DRIVEID_THETA_MAX");
@@ -171,12 +174,13 @@ static double parzen(double x) {
 }
 
 /* Lags that the window must reach: well beyond the last one at which the residual is clearly correlated. */
-static int lags_needed(const double *r, double rows) {
+static int lags_needed(const double *r, double rows, int *enough) {
     int last = 0;
     for (int lag = 1; lag < FSM_LAGS; lag++)
         if (fabs(r[lag]) > 3 * fabs(r[0]) / sqrt(rows)) last = lag;
-    const int wanted = 4 + 3 * last, most = (int)fmax(1, rows / 6);
-    return wanted < FSM_LAGS ? (wanted < most ? wanted : most) : (FSM_LAGS < most ? FSM_LAGS : most);
+    const int wanted = 4 + 3 * last < FSM_LAGS ? 4 + 3 * last : FSM_LAGS, most = (int)fmax(1, rows / 6);
+    *enough = wanted <= most;
+    return *enough ? wanted : most;
 }
 
 /* Noise of the differentiated channel reaches the residual as |A(jw)|^2 / (w^2 + pole^2)^n. Where that rises towards low frequency the lags kept here are
@@ -207,11 +211,13 @@ static double noise_excess(const driveid_svf_common *common, int e, double pole_
     return excess;
 }
 
+typedef enum correlation { RECORD_TOO_SHORT, BEYOND_THE_LAGS, SEEN_WHOLE } correlation; /* of a residual */
+
 /* Long-run covariance of one equation's score, into score[params^2] (theta order): sum of r(lag) Gamma(lag), Parzen window.
  * Where the noise rises towards low frequency the regressors meet something between its levels: the geometric mean is taken.
  * What the fit takes out of the residual it takes out near the regressors' own frequencies, so the window's band, not the whole record,
  * pays for the unknowns. Returns the degrees of freedom left. */
-static double add_score(const driveid_svf_common *common, const fsm_sums *sums, int e, int *settled, int instruments, double variance, const double *theta, double *score) {
+static double add_score(const driveid_svf_common *common, const fsm_sums *sums, int e, correlation *seen, int instruments, double variance, const double *theta, double *score) {
     const fsm_equation *q = &common->equation[e];
     const int p = common->regression.params, n = q->params + 1;
     const double coarse = sums->coarse, rows = sums->rows;
@@ -219,10 +225,11 @@ static double add_score(const driveid_svf_common *common, const fsm_sums *sums, 
     residual_lags(q, sums, theta, r);
     const double pieces = q->order > 0 ? sums->spent / q->order - 1 : 0; /* ends at which a lag finds no partner; beyond 0.6 too few pairs speak */
     for (int lag = 1; lag < FSM_LAGS && pieces > 0; lag++) r[lag] /= fmax(0.6, 1 - lag * pieces / rows);
-    const int lags = lags_needed(r, rows);
+    int enough;
+    const int lags = lags_needed(r, rows, &enough);
     double tail = 0;
     for (int lag = FSM_LAGS / 4; lag < FSM_LAGS; lag++) tail += r[lag] / (FSM_LAGS - FSM_LAGS / 4);
-    *settled = tail < 0.12 * r[0];
+    *seen = !enough ? RECORD_TOO_SHORT : tail < 0.12 * r[0] ? SEEN_WHOLE : BEYOND_THE_LAGS;
     const double band = fmin(rows, 3.7 * rows / lags), freedom = fmax(1, band - q->params - sums->spent);
     const double rise = sums->pole_rad_s > 0 ? sqrt(fmin(noise_excess(common, e, sums->pole_rad_s, theta), EXCESS)) : 1;
     const double scale = rise * band / freedom / (coarse * coarse * variance * variance);
@@ -280,7 +287,7 @@ double fsm_score(const driveid_svf_common *common, int e, const fsm_sums *sums, 
     const int p = common->regression.params, n = q->params + 1;
     double own[DRIVEID_THETA_MAX], a[DRIVEID_THETA_MAX * DRIVEID_THETA_MAX] = {0}, inverse[DRIVEID_THETA_MAX * DRIVEID_THETA_MAX];
     double pivot[DRIVEID_THETA_MAX], score[DRIVEID_THETA_MAX * DRIVEID_THETA_MAX] = {0}, cov = 0;
-    int settled;
+    correlation seen;
     if (!fsm_enough(common, e, sums)) return INFINITY;
     for (int i = 0; i < n - 1; i++)
         for (int j = 0; j < n - 1; j++) a[i * (n - 1) + j] = sums->s[i * n + j];
@@ -292,8 +299,8 @@ double fsm_score(const driveid_svf_common *common, int e, const fsm_sums *sums, 
             for (int j = 0; j < n - 1; j++) own[q->param[i]] += inverse[i * (n - 1) + j] * sums->s[j * n + n - 1];
         }
     if (sums->pole_rad_s > 0 && !(noise_excess(common, e, sums->pole_rad_s, own) < EXCESS)) return INFINITY;
-    add_score(common, sums, e, &settled, 0, 1, own, score);
-    if (sums->pole_rad_s > 0 && !settled) return INFINITY;
+    add_score(common, sums, e, &seen, 0, 1, own, score);
+    if (sums->pole_rad_s > 0 && seen != SEEN_WHOLE) return INFINITY;
     double total = 0;
     for (int i = 0; i < n - 1; i++) {
         cov = 0;
@@ -307,7 +314,6 @@ double fsm_score(const driveid_svf_common *common, int e, const fsm_sums *sums, 
 int fsm_solve(const driveid_svf_common *common, const fsm_sums *sums, double small, fsm_solution *out) {
     const int p = common->regression.params, equations = common->regression.equations;
     double variance[DRIVEID_EQUATIONS_MAX] = {0}, h[DRIVEID_THETA_MAX * DRIVEID_THETA_MAX], score[DRIVEID_THETA_MAX * DRIVEID_THETA_MAX] = {0};
-    int settled;
     memset(out, 0, sizeof *out);
     for (int e = 0; e < equations; e++) {
         const fsm_equation *q = &common->equation[e];
@@ -325,9 +331,12 @@ int fsm_solve(const driveid_svf_common *common, const fsm_sums *sums, double sma
     if (equations > 1) solve_all(common, sums, variance, small, h, out);
     out->freedom = INFINITY;
     out->rows = INFINITY;
+    out->long_enough = 1;
     for (int e = 0; e < equations; e++) {
-        out->freedom = fmin(out->freedom, add_score(common, &sums[e], e, &settled, out->instruments, variance[e], out->theta, score));
+        correlation seen;
+        out->freedom = fmin(out->freedom, add_score(common, &sums[e], e, &seen, out->instruments, variance[e], out->theta, score));
         out->rows = fmin(out->rows, sums[e].rows);
+        if (seen == RECORD_TOO_SHORT) out->long_enough = 0;
     }
     sandwich(p, h, score, out->cov);
     shares(common, sums, out);
@@ -348,6 +357,23 @@ static int is_weak(const driveid_svf_common *common, const fsm_solution *s, int 
     return !(common->regression.may_be_zero >> i & 1) || half * s->share[i] > 0.1;
 }
 
+/* The first answers come from few rows, whose residual says little of its own correlation. A parameter is trusted once its interval has shrunk, or many
+ * answers have followed, while all its values lay within the interval that it began with. */
+static int is_confirmed(driveid_svf_common *common, int i, const fsm_solution *s, double half) {
+    const double theta = s->theta[i];
+    if (s->windows || common->confirmed_mask >> i & 1) return 1;
+    const double agrees = fmax(common->first_half[i], AGREES * fabs(theta));
+    if (!(common->first_half[i] > 0) || fabs(theta - common->first_theta[i]) > agrees) {
+        common->first_theta[i] = theta;
+        common->first_half[i] = half;
+        common->agreed[i] = 0;
+    }
+    const int shrunk = s->long_enough && half <= CONFIRMED * common->first_half[i];
+    if (!shrunk && ++common->agreed[i] < AGREED) return 0;
+    common->confirmed_mask |= 1u << i;
+    return 1;
+}
+
 void fsm_publish(driveid_svf_common *common, int found, const fsm_solution *best, int64_t t_ns) {
     driveid_estimate *a = &common->answer;
     const int p = common->regression.params;
@@ -356,6 +382,11 @@ void fsm_publish(driveid_svf_common *common, int found, const fsm_solution *best
         return;
     }
     const double quantile = student(best->freedom);
+    if (a->params == 0 || common->confirmed_restarts != a->restarts) {
+        common->confirmed_restarts = a->restarts;
+        common->confirmed_mask = 0;
+        memset(common->first_half, 0, sizeof common->first_half);
+    }
     a->t_ns = t_ns;
     a->first_ns = common->first_ns;
     a->params = (uint32_t)p;
@@ -372,8 +403,9 @@ void fsm_publish(driveid_svf_common *common, int found, const fsm_solution *best
         a->lo[i] = best->theta[i] - half;
         a->hi[i] = best->theta[i] + half;
         if (is_weak(common, best, i, half)) a->weak_mask |= 1u << i;
-        else a->valid_mask |= 1u << i;
+        else if (is_confirmed(common, i, best, half)) a->valid_mask |= 1u << i;
     }
-    common->status = best->rank < p ? DRIVEID_RANK : a->weak_mask ? DRIVEID_WEAK_EXCITATION : DRIVEID_OK;
+    common->status = best->rank < p ? DRIVEID_RANK : a->valid_mask + 1 < 1u << p ? DRIVEID_WEAK_EXCITATION : DRIVEID_OK;
+    common->watched = best->rank == p && !a->weak_mask;
     if (common->status == DRIVEID_OK && a->first_trusted_ns == 0) a->first_trusted_ns = t_ns;
 }

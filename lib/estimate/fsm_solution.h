@@ -23,6 +23,8 @@ typedef struct fsm_solution {
     double pivot[DRIVEID_THETA_MAX];   /* what no other column explains, of 1; 0: cannot be told apart */
     double residual_rms, rows, freedom, condition;
     int rank, instruments;             /* instruments: 0 where they failed and plain least squares was taken */
+    int long_enough;                   /* there are rows enough for the lags over which the residual is correlated */
+    int windows;                       /* rows are whole windows apart: as soon as there are enough of them nothing is left to confirm */
 } fsm_solution;
 
 /* solved[order x columns]: initial-condition columns as combinations of the others, by least squares. */

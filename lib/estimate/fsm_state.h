@@ -55,11 +55,15 @@ typedef struct driveid_svf_common {
     uint64_t samples;
     uint8_t forgetting_paused;               /* nothing new is learnt about some motion: nothing is forgotten */
     uint8_t resting;                         /* no motion at all: rows are not added */
+    uint8_t watched;                         /* there is an answer whose residual can be watched, confirmed or not */
     uint32_t motion_mask;                    /* parameters whose column is a derivative */
     double motion[DRIVEID_THETA_MAX];        /* recent mean square of their columns */
     driveid_monitor monitor[DRIVEID_EQUATIONS_MAX];
     driveid_status status;                   /* of answer */
     driveid_estimate answer;
+    uint32_t confirmed_mask, confirmed_restarts;                       /* parameters that are trusted, since which restart */
+    uint8_t agreed[DRIVEID_THETA_MAX];                                 /* answers in a row */
+    double first_theta[DRIVEID_THETA_MAX], first_half[DRIVEID_THETA_MAX]; /* of those that are not yet: what they must agree with */
 } driveid_svf_common;
 
 #include "base/real_f64.h"

@@ -253,6 +253,7 @@ static int solve_stage(learner *self, const learn_method *method, unsigned k, fs
     self->known[k] = 1;
     if (least_blocks < LEARN_BLOCKS) return 0;
     cover(self, k, variance, h, out);
+    out->windows = 1;
     return 1;
 }
 

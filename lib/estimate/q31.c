@@ -148,6 +148,7 @@ static void answer(q31_state *self, int64_t t_ns) {
     for (unsigned e = 0; e < self->common.regression.equations; e++) q31_gather(self, e, &sums[e]);
     const int found = fsm_solve(&self->common, sums, FSM_SMALL, &solution);
     if (found) add_rounding(self, sums, &solution);
+    solution.windows = self->kind >= Q31_WINDOW;
     fsm_publish(&self->common, found, &solution, t_ns);
 }
 

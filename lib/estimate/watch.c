@@ -19,7 +19,7 @@ void watch_motion(driveid_svf_common *common, unsigned e, const double *phi, con
 int watch_residual(driveid_svf_common *common, unsigned e, const double *phi, double y, double dt_s) {
     const fsm_equation *q = &common->equation[e];
     const driveid_estimate *a = &common->answer;
-    if (common->status != DRIVEID_OK) return 0;
+    if (!common->watched || common->status == DRIVEID_NOT_YET) return 0;
     const unsigned p = common->regression.params;
     double residual = y, drive = y * y, spread = 0;
     for (unsigned i = 0; i < q->params; i++) {
