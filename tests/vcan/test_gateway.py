@@ -73,23 +73,42 @@ def test_parameters_arrive_within_the_truth(gateway, options):
     assert source["frames"] == source["used"] + source["unused"] + source["rejected"]
 
 
+@pytest.mark.parametrize("number_type", sessions.TYPES)
 @pytest.mark.parametrize("name", sessions.names())
-def test_recorded_frames_give_the_accepted_parameters(gateway, name):
-    """Every frame arrives and is decoded as cantools decodes it. Stamps are taken here, as late as this machine is, so that values are judged by J
-    alone, and two frames of a burst may count as one sample; the trajectory of the same frames under their own stamps is judged in tests/golden."""
+def test_recorded_frames_give_the_accepted_trajectory(gateway, name, number_type):
+    """Every frame arrives and is decoded as cantools decodes it, and parameters, intervals and validity follow the accepted trajectory of the same frames."""
     folder, record = sessions.HERE / name, gateway.folder / "here.drec"
-    sessions.write_config(folder, "socketcan", gateway.folder / "driveidd.toml", socket=gateway.folder / "c.sock", record=record)
+    sessions.write_config(folder, "socketcan", gateway.folder / "driveidd.toml", socket=gateway.folder / "c.sock", number_type=number_type, record=record)
     wanted = {int(i, 0) for i in re.findall(r"can_id = (\w+)", (gateway.folder / "driveidd.toml").read_text())}
     frames = sum(identifier in wanted for identifier, _ in sessions.frames(folder))
-    value, lo, hi, _ = json.loads((folder / "expected-f64.json").read_text())[-1]["parameters"]["J_kgm2"]
     gateway.listen()
     subprocess.run(["canplayer", "-I", folder / "frames.log"], check=True, timeout=60)
     status = gateway.until(lambda s: bus(s)["frames"] >= frames, 5, "the last frame")
     assert bus(status)["frames"] == bus(status)["used"] == frames
-    J = next(p for p in axis(status)["parameters"] if p["name"] == "J_kgm2")
-    assert abs(J["value"] - value) <= max(0.2 * value, hi - lo), f"{J}, accepted {value}"  # stamps are late by up to ten periods where the machine is busy
     gateway.programs.stop_all()
     assert sessions.disagreement(record, folder, lost=0.02) is None
+    agree(sessions.trajectory(record), folder, number_type)
+
+
+def agree(got, folder, number_type):
+    """Wherever both are valid, the value differs by no more than four of its half-widths and the accepted one: the player is late by tens of ms, which tears the time line. In the
+    3 s after a change of load either may still be the drive as it was. The last J is within 5 %. Where the voltage comes in a frame of its own, which has no counter, it may be taken into
+    the next sample of a late burst: R and L are then no measure."""
+    ids = {identifier for identifier, _ in sessions.frames(folder)}
+    own_frame = () if len(ids) == 1 else ("R_ohm", "L_H")
+    expected = json.loads((folder / f"expected-{number_type}.json").read_text())
+    changes = [phase["t_s"] for phase in json.loads((folder / "truth.json").read_text())["phases"][1:]]
+    compared, last = 0, None
+    for mine, theirs in zip(got, expected):
+        if any(0 <= theirs["t_s"] - change < 3 for change in changes):
+            continue
+        for name, (value, lo, hi, valid) in theirs["parameters"].items():
+            own, own_lo, own_hi, own_valid = mine["parameters"][name]
+            if valid and own_valid and name not in own_frame:
+                compared, last = compared + 1, (own, value) if name == "J_kgm2" else last
+                assert abs(own - value) <= 2 * (own_hi - own_lo) + (hi - lo) / 2, f"at {theirs['t_s']} s, {name}: {mine['parameters'][name]}, accepted {value} in {lo}..{hi}"
+    assert abs(last[0] - last[1]) <= 0.05 * last[1], last
+    assert compared >= len(expected) / 2, f"only {compared} values were valid in both"
 
 
 def test_every_dropped_frame_is_counted(gateway):
