@@ -24,5 +24,6 @@ NB_MODULE(_core, m) {
     bind_lti(m);
     bind_modal(m);
     bind_sinusoids(m);
+    bind_discrete(m);
     bind_shifting(m);
 }

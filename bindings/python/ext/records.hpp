@@ -88,6 +88,7 @@ void bind_online(nb::module_ &m);
 void bind_lti(nb::module_ &m);
 void bind_modal(nb::module_ &m);
 void bind_sinusoids(nb::module_ &m);
+void bind_discrete(nb::module_ &m);
 void bind_shifting(nb::module_ &m);
 
 }  // namespace driveid_ext

@@ -8,7 +8,7 @@
     fitted.parameters["J_kgm2"].value
 """
 
-from . import lti, modal, shifting, sinusoids
+from . import discrete, lti, modal, shifting, sinusoids
 from ._core import version as __version__
 from .analysis import Comparison, Explanation, Fit, Improvement, Power, catalogue, compare, explain, fit, improve, power, series
 from .errors import Cancelled, DataError, DriveidError, FileError, UsageError
@@ -16,4 +16,4 @@ from .model import Effect, Model, Parameter
 from .records import Record, read, read_all
 
 __all__ = ["Cancelled", "Comparison", "DataError", "DriveidError", "Effect", "Explanation", "FileError", "Fit", "Improvement", "Model", "Parameter",
-           "Power", "Record", "UsageError", "__version__", "catalogue", "compare", "explain", "fit", "improve", "lti", "modal", "power", "read", "read_all", "series", "shifting", "sinusoids"]
+           "Power", "Record", "UsageError", "__version__", "catalogue", "compare", "discrete", "explain", "fit", "improve", "lti", "modal", "power", "read", "read_all", "series", "shifting", "sinusoids"]
