@@ -285,10 +285,10 @@ def test_the_wall_clock_is_set_while_frames_flow(gateway):
         with recovery(f"clock set {way}", "the step is told, stamps stay monotonic"):
             gateway.until(lambda s: gateway.log().count("wall clock stepped") > told, 20, "the step being told")
     samples = axis(gateway.status())["samples"]
-    after = axis(gateway.until(lambda s: axis(s)["samples"] > samples + 500, 30, "more samples"))
+    after = axis(gateway.until(lambda s: axis(s)["samples"] > samples + 500 and within(axis(s), truth), 30, "more samples, within the truth"))
     assert 0 < after["t_ns"] - before["t_ns"] < 120e9
-    assert after["reordered"] == before["reordered"] and after["restarts"] == before["restarts"]
-    assert within(after, truth)
+    # Frames of the batch in which it happened came at no known instant: they share one, and all but the first are counted as its repetition.
+    assert sum(after[n] - before[n] for n in ("reordered", "duplicates")) <= 2 * 64
 
 
 def test_real_time_scheduling_and_locked_memory(gateway):
