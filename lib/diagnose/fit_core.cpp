@@ -303,6 +303,9 @@ void contradicted(driveid_param &simulated, const driveid_param &balanced) {
 void refine_part(FitOutcome &outcome, const Part &part, const std::vector<batch::Stretch> &training, const std::vector<batch::Stretch> &held_out, bool free_skew, const EquationSet &set, const FitOptions &options) {
   const std::vector<batch::FreeParam> free = free_params(outcome.model, part.mode);
   if (free.empty() || training.empty()) return;
+  const driveid_model balanced = outcome.model;
+  for (const batch::FreeParam &f : free)   // a balance may leave an inductance below nothing; a simulation cannot start there
+    if (driveid_param &p = param_of(outcome.model, f); f.lo > 0 && p.value < f.lo) p.value = std::fabs(p.value);
   std::vector<Trial> trials;
   for (Data &data : folds(training, held_out)) {
     data.free_skew = free_skew;
@@ -312,6 +315,7 @@ void refine_part(FitOutcome &outcome, const Part &part, const std::vector<batch:
     else add_scores(trials, turn);
   }
   const Trial *local = choose_local(trials), *chosen = choose(trials, set, part.mode == DRIVEID_SIM_ELECTRICAL);
+  outcome.model = chosen ? outcome.model : balanced;
   if (!chosen) return;
   std::optional<driveid_model> honest;
   auto fitted = [&](const Trial &trial) -> std::optional<driveid_model> {   // with the kept-aside stretches of the training records
@@ -324,12 +328,13 @@ void refine_part(FitOutcome &outcome, const Part &part, const std::vector<batch:
   if (local) honest = fitted(*local);
   std::optional<driveid_model> best = honest;
   if (chosen != local) {
-    best = chosen->objective.window_s < 0 ? outcome.model : fitted(*chosen);
+    best = chosen->objective.window_s < 0 ? balanced : fitted(*chosen);
     if (best && honest && !leaves(*best, *honest, free)) best = honest, chosen = local;
     else if (best && honest) widen_intervals(*best, free, *honest);
   }
+  driveid_model other = balanced;
   if (best && chosen == local)
-    for (const batch::FreeParam &f : free) contradicted(param_of(*best, f), param_of(outcome.model, f));
+    for (const batch::FreeParam &f : free) contradicted(param_of(*best, f), param_of(other, f));
   if (best) outcome.model = *best;
   outcome.objective += (outcome.objective.empty() ? "" : ", ") + chosen->name;
 }
