@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // New models, models with one effect more, and the catalogue as JSON.
+#include <algorithm>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
@@ -11,6 +12,7 @@
 #include <driveid/diagnose.h>
 #include <driveid/effect.h>
 
+#include "diagnose/explain.hpp"
 #include "model/file/text.hpp"
 
 namespace {
@@ -82,6 +84,21 @@ ordered_json effect_json(const driveid_effect_info &info) {
 
 }  // namespace
 
+namespace driveid::diagnose {
+
+driveid_status add_in_place(driveid_model &model, const char *effect, char *reason, std::size_t reason_size) {
+  driveid_model grown = model;
+  if (const driveid_effect_info *info = driveid_effect_find(effect))
+    for (const char *contained : info->subsumes)
+      for (uint32_t e = grown.effects; contained && e-- > 0;)
+        if (!std::strcmp(grown.effect[e].name, contained)) std::copy(grown.effect + e + 1, grown.effect + grown.effects, grown.effect + e), grown.effects--;
+  const driveid_status status = driveid_model_add(&grown, effect, nullptr, nullptr, reason, reason_size);
+  if (status == DRIVEID_OK) model = grown;
+  return status;
+}
+
+}  // namespace driveid::diagnose
+
 extern "C" driveid_status driveid_new(const char *structure, const char *const *given, size_t givens, char **toml, char *message, size_t message_size) {
   if (message && message_size) message[0] = 0;
   if (!structure || !toml || (givens && !given)) return DRIVEID_ERR_ARGUMENT;
@@ -103,7 +120,7 @@ extern "C" driveid_status driveid_add(const char *model_toml, const char *effect
   if (!model_toml || !effect || !new_toml) return DRIVEID_ERR_ARGUMENT;
   driveid_model model;
   if (const driveid_status s = driveid_model_read(model_toml, &model, message, message_size)) return s;
-  if (const driveid_status s = driveid_model_add(&model, effect, nullptr, nullptr, message, message_size)) return s;
+  if (const driveid_status s = driveid::diagnose::add_in_place(model, effect, message, message_size)) return s;
   char *history = nullptr;
   if (const driveid_status s = driveid_model_history(model_toml, &history, message, message_size)) return s;
   const std::string grown = std::string(history) + (history[0] ? "\n\n" : "") + "[[history]]\nstep = \"add " + effect + "\"";

@@ -68,13 +68,25 @@ void detect_hold(Equation &e, double dt, const std::string &told, std::vector<No
   Eigen::VectorXd known = delayed_target(e, 0) - e.y;   // given terms, not shifted
   // In a voltage equation half a sample is nearly collinear with R i: the mean over the sample is assumed unless the data object.
   double best = INFINITY, chosen = 0;
+  const auto passive = [&](const Eigen::VectorXd &y) {   // a winding has a resistance and an inductance
+    const Eigen::VectorXd p = x.colPivHouseholderQr().solve(y);
+    int column = 0;
+    for (const BaseColumn &b : e.base_column) {
+      if (b.given) continue;
+      if ((b.name[0] == 'R' || b.name[0] == 'L') && p[column] < 0) return false;
+      ++column;
+    }
+    return true;
+  };
   std::vector<double> shifts{-0.5, 0.0, 0.5};
   if (!e.electrical) {   // the skew between current and angle lies anywhere within half a sample, a differenced speed lags by as much again
     shifts.clear();
     for (int k = -5; k <= (e.tracks[0].speed_raw.empty() ? 5 : 10); ++k) shifts.push_back(0.1 * k);
   }
   for (double s : shifts) {
-    double r = rms_with(e, x, delayed_target(e, s * dt) - known);
+    const Eigen::VectorXd y = delayed_target(e, s * dt) - known;
+    const double r = rms_with(e, x, y);
+    if (e.electrical && best < INFINITY && !passive(y)) continue;
     if (r < (best == INFINITY || !e.electrical ? 1.0 : 0.98) * best) best = r, chosen = s;
   }
   e.input_shift_s = chosen * dt;

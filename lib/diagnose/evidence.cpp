@@ -33,4 +33,15 @@ double broad(const std::vector<double> &before, const std::vector<double> &after
   return left / whole;
 }
 
+double consistency(const Eigen::VectorXd &before, const Eigen::VectorXd &after, Eigen::Index stretch) {
+  double sum = 0, square = 0;
+  for (Eigen::Index a = 0; a < before.size(); a += stretch) {
+    const Eigen::Index n = std::min(stretch, before.size() - a);
+    const double u = before.segment(a, n).dot(before.segment(a, n) - after.segment(a, n));
+    sum += u;
+    square += u * u;
+  }
+  return square > 0 ? sum / std::sqrt(square) : 0;
+}
+
 }  // namespace driveid::diagnose

@@ -5,6 +5,8 @@
 
 #include <vector>
 
+#include <Eigen/Dense>
+
 namespace driveid::diagnose {
 
 // Wilcoxon's signed-rank statistic as a normal deviate: positive where `after` has the smaller squared errors. Blocks that did not
@@ -13,5 +15,9 @@ double evidence(const std::vector<double> &before, const std::vector<double> &af
 
 // Share of the whole gain that is left when the tenth of the blocks that gained most is taken out.
 double broad(const std::vector<double> &before, const std::vector<double> &after);
+
+// Score test of an explanation from whitened residuals without and with it, studentised over stretches of rows: where the explanation
+// says nothing it weighs nothing, and one stretch alone, however large its error, brings at most 1.
+double consistency(const Eigen::VectorXd &before, const Eigen::VectorXd &after, Eigen::Index stretch = 60);
 
 }  // namespace driveid::diagnose

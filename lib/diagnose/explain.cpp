@@ -272,7 +272,8 @@ Explanation explain(const driveid_model &model, const driveid_task &task, const 
       for (std::size_t k = 0; k < f.member.size(); ++k) {
         std::vector<Value> v = values_of(*a.search, a.after, f.member[k], covariance);
         const Candidate &c = a.search->candidates()[std::size_t(a.chosen[f.member[k]].candidate)];
-        if (driveid_model_add(&x.grown, c.name.c_str(), nullptr, nullptr, reason, sizeof reason) == DRIVEID_OK) {
+        if (add_in_place(x.grown, c.name.c_str(), reason, sizeof reason) == DRIVEID_OK) {
+          x.added++;
           driveid_effect_use &use = x.grown.effect[x.grown.effects - 1];
           for (unsigned p = 0; p < use.params; ++p)
             for (const Value &value : v)

@@ -34,10 +34,14 @@ struct Explanation {
   std::vector<Notice> notices;
   std::vector<Analysis> analysis;  // one per equation
   driveid_model model;             // with nominal values re-estimated
-  driveid_model grown;             // and the accepted effects added
+  driveid_model grown;             // and the accepted effects added (in place of those that they contain)
   nlohmann::ordered_json shape;    // null unless something unknown is left
+  unsigned added = 0;              // effects of grown, at its end, that model has not
   bool cancelled = false;
 };
+
+// driveid_model_add, and what the new effect contains goes: coulomb does not stand beside stribeck.
+driveid_status add_in_place(driveid_model &model, const char *effect, char *reason, std::size_t reason_size);
 
 struct Options {
   int threads = 2;

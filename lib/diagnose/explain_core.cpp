@@ -12,9 +12,11 @@ namespace {
 
 constexpr double kWorthMin = 14;        // log-likelihood beyond cost that an effect must bring
 constexpr double kRelativeMin = 0.003;  // and the share of the squared error
-constexpr double kBroadMin = 0.2;       // or this share of the gain outside its best blocks
+constexpr double kBroadLeast = 0.1;     // share of the gain outside its best blocks that is always asked for
+constexpr double kBroadMin = 0.2;       // and this
 constexpr double kBroadGain = 200;      // where that is this much
 constexpr double kEvidenceMin = 2.5;    // and over blocks: not in one place only
+constexpr double kConsistencyMin = 3;   // or where the effect speaks at all: the same in at least nine stretches' worth
 constexpr double kNearlyAll = 0.01;     // what a simpler law may leave of what the best one takes
 constexpr double kBehindEvidence = 5;   // a family that does better in an effect's place must do so nearly everywhere,
 constexpr double kBehindSpeed = 0.1;    // and by this share: dry friction is idealised at rest,
@@ -23,7 +25,8 @@ constexpr double kBehindExact = 0.01;   // an eccentric scale is geometry
 constexpr double kFurtherMin = 0.002;   // of what the accepted effects took: every law is an idealisation to a few per cent (squared here)
 
 bool acceptable(const Option &o) {
-  return o.possible && o.gain > 0 && o.worth() > kWorthMin && o.relative > kRelativeMin && o.relative_raw > kRelativeMin && (o.evidence > kEvidenceMin || (o.evidence > 1 && o.broad > kBroadMin && o.broad * o.gain > kBroadGain)) && o.held_gain > 0;
+  const bool in_places = o.evidence > kEvidenceMin || o.consistency > kConsistencyMin || (o.evidence > 1 && o.broad > kBroadMin && o.broad * o.gain > kBroadGain);
+  return o.possible && o.gain > 0 && o.worth() > kWorthMin && o.relative > kRelativeMin && o.relative_raw > kRelativeMin && o.broad > kBroadLeast && in_places && o.held_gain > 0;
 }
 
 int complexity(const Search &s, const Option &o) {
@@ -65,12 +68,20 @@ std::vector<Member> without(const std::vector<Member> &members, std::size_t inde
   return out;
 }
 
+// The set without one member; what it took the place of in the user's model stands again.
+std::vector<Member> without(const std::vector<Member> &members, std::size_t index, const std::vector<Member> &kept) {
+  std::vector<Member> out = without(members, index);
+  for (const Member &k : kept)
+    if (std::none_of(members.begin(), members.end(), [&](const Member &m) { return m.kept && m.candidate == k.candidate; })) out.push_back(k);
+  return out;
+}
+
 // Each member is asked again: would the set be as good without it, or better with another in its place?
-bool reexamine(Search &search, std::vector<Member> &chosen) {
+bool reexamine(Search &search, std::vector<Member> &chosen, const std::vector<Member> &kept) {
   bool changed = false;
   for (std::size_t m = 0; m < chosen.size() && chosen.size() > 1; ++m) {
     if (chosen[m].kept) continue;
-    std::vector<Member> others = without(chosen, m);
+    std::vector<Member> others = without(chosen, m, kept);
     std::vector<Option> options = search.offer(others);
     for (Option &o : options)   // a load beside symmetric friction was weighed against asymmetry when it was chosen
       if (search.candidates()[std::size_t(o.candidate)].name == "asymmetric_friction" && o.candidate != chosen[m].candidate) o.possible = false;
@@ -336,7 +347,7 @@ Analysis analyse(Equation equation, const driveid_model &model, const Settings &
   a.chosen = kept;
   std::vector<Option> options = a.offered;
   for (int depth = 0; depth < settings.most_effects && !search.cancelled(); ++depth) {
-    if (a.chosen.size() > kept.size())   // after a first effect, a further one must carry a part of the whole to be believed; more where it also filters noise
+    if (!a.steps.empty())   // after a first effect, a further one must carry a part of the whole to be believed; more where it also filters noise
       for (Option &o : options) {
         if (!o.possible) continue;
         const std::string &name = search.candidates()[std::size_t(o.candidate)].name;
@@ -374,8 +385,8 @@ Analysis analyse(Equation equation, const driveid_model &model, const Settings &
     search.polish(a.chosen);
     from = to;
     to = from + 0.5 * (0.95 - from);
-    for (int again = 0; again < 1 && a.chosen.size() > kept.size() + 1; ++again)
-      if (!reexamine(search, a.chosen)) break;
+    for (int again = 0; again < 1 && !a.steps.empty(); ++again)
+      if (!reexamine(search, a.chosen, kept)) break;
     a.steps.push_back(a.chosen);
     options = search.offer(a.chosen);
   }
@@ -401,8 +412,8 @@ Analysis analyse(Equation equation, const driveid_model &model, const Settings &
     Found f;
     f.name = c.name;
     f.member.push_back(m);
-    std::vector<Member> others = without(a.chosen, m);
-    bool alone = others.size() == kept.size();
+    std::vector<Member> others = without(a.chosen, m, kept);
+    bool alone = std::all_of(others.begin(), others.end(), [](const Member &o) { return o.kept; });
     std::vector<Option> rivals = alone ? a.offered : search.offer(others);
     double total_without = search.solve(others).score.total, total_with = a.after.score.total;
     f.share = a.removable > 0 ? (total_without - total_with) / a.removable : 0;

@@ -134,7 +134,7 @@ ordered_json explanation_json(const Explanation &x, const driveid_task &task, co
     if (options.errors) {
       (void)task;
       before[key].update(simulated_errors(x.model, held ? x.held_out : x.training));
-      after[key].update(x.grown.effects == x.model.effects ? simulated_errors(x.model, held ? x.held_out : x.training) : simulated_errors(x.grown, held ? x.held_out : x.training));
+      after[key].update(x.added == 0 ? simulated_errors(x.model, held ? x.held_out : x.training) : simulated_errors(x.grown, held ? x.held_out : x.training));
     }
   }
   j["error_before"] = before;

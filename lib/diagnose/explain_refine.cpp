@@ -41,8 +41,9 @@ void refine_ranked(Explanation &x) {
   std::vector<const Equation *> equations;
   for (const Analysis &a : x.analysis) equations.push_back(&a.search->equation());
   driveid_model refined = x.grown;
-  refine_values(refined, x.model.effects, x.training, equations);
-  for (uint32_t e = x.model.effects; e < refined.effects; e++)
+  const uint32_t first = x.grown.effects - x.added;
+  refine_values(refined, first, x.training, equations);
+  for (uint32_t e = first; e < refined.effects; e++)
     for (uint32_t k = 0; k < refined.effect[e].params; k++) {
       driveid_param &p = refined.effect[e].param[k];
       if (!is_phase(p.name) && strayed(x.grown.effect[e].param[k].value, p.value)) return;

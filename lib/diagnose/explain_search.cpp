@@ -214,7 +214,7 @@ bool Search::less_above_threshold(const std::vector<Member> &members, int candid
   return rows > 0.05 * double(before.size()) && is_now < (1 - 0.5 * share) * was;
 }
 
-Option Search::judged(int index, const Context &context, const std::vector<double> &shape, const BlockGram::Score &against) const {
+Option Search::judged(int index, const Context &context, const std::vector<double> &shape, const Context &against) const {
   const Candidate &c = candidates_[std::size_t(index)];
   Option o;
   o.candidate = index;
@@ -238,15 +238,18 @@ Option Search::judged(int index, const Context &context, const std::vector<doubl
       for (double &s : score.sse) s /= o.noise;
     }
   }
-  o.raw = raw_square(y - z * gram.solve(all, {}, false)) / o.noise;
+  const Eigen::VectorXd left = y - z * gram.solve(all, {}, false);
+  o.raw = raw_square(left) / o.noise;
+  if (c.name != "dead_zone") o.consistency = consistency(against.full.r, left);   // a threshold meets the drive's noise everywhere
   o.possible = true;
   o.sse = score.sse;
   o.total = score.total;
-  o.gain = 0.5 * rows_ * std::log(against.total / std::max(score.total, 1e-300));
-  o.relative = 1 - score.total / against.total;
-  o.held_gain = score.held_rows > 0 ? 0.5 * score.held_rows * std::log(against.held / std::max(score.held, 1e-300)) : 0;
-  o.evidence = evidence(against.sse, score.sse);
-  o.broad = broad(against.sse, score.sse);
+  o.gain = 0.5 * rows_ * std::log(against.score.total / std::max(score.total, 1e-300));
+  o.relative = 1 - score.total / against.score.total;
+  o.held_gain = score.held_rows > 0 ? 0.5 * score.held_rows * std::log(against.score.held / std::max(score.held, 1e-300)) : 0;
+  o.held_share = score.held_rows / std::max(1.0, rows_);
+  o.evidence = evidence(against.score.sse, score.sse);
+  o.broad = broad(against.score.sse, score.sse);
   o.relative_raw = 1 - o.raw / std::max(context.raw, 1e-300);
   // Whitening weighs the noise's own frequencies up: what is gained there more than in the error as it stands may be noise that is swallowed.
   const bool plain = o.relative_raw >= o.relative;
@@ -256,7 +259,7 @@ Option Search::judged(int index, const Context &context, const std::vector<doubl
   return o;
 }
 
-Option Search::try_candidate(int index, const Context &context, const std::vector<std::vector<double>> &seeds) const {
+Option Search::try_candidate(int index, const Context &context, const Context &against, const std::vector<std::vector<double>> &seeds) const {
   const Candidate &c = candidates_[std::size_t(index)];
   Option none;
   none.candidate = index;
@@ -297,13 +300,13 @@ Option Search::try_candidate(int index, const Context &context, const std::vecto
       refine_shape(context.full, c, shape, best, 5);
     }
   }
-  return judged(index, context, shape, context.score);
+  return judged(index, context, shape, against);
 }
 
 std::vector<Member> Search::joined(const std::vector<Member> &members, int candidate, const std::vector<double> &shape) const {
   std::vector<Member> out;
   for (const Member &m : members)
-    if (!subsumes(candidates_[std::size_t(candidate)], candidates_[std::size_t(m.candidate)]) || m.kept) out.push_back(m);
+    if (!subsumes(candidates_[std::size_t(candidate)], candidates_[std::size_t(m.candidate)])) out.push_back(m);
   out.push_back({candidate, shape, false});
   return out;
 }
@@ -320,7 +323,7 @@ std::vector<Option> Search::offer(const std::vector<Member> &members, const std:
     for (const Member &m : members) {
       if (m.candidate == int(k) && !repeats) skipped = true;
       if (subsumes(candidates_[std::size_t(m.candidate)], candidates_[k])) skipped = true;
-      if (subsumes(candidates_[k], candidates_[std::size_t(m.candidate)]) && !m.kept) continue;
+      if (subsumes(candidates_[k], candidates_[std::size_t(m.candidate)])) continue;
       others.push_back(m);
       key.push_back(m.candidate);
     }
@@ -345,7 +348,7 @@ std::vector<Option> Search::offer(const std::vector<Member> &members, const std:
       if (of[k]) {
         std::vector<std::vector<double>> seeds;
         if (!known_[k].empty()) seeds.push_back(known_[k]);
-        Option o = try_candidate(int(k), *of[k], seeds);
+        Option o = try_candidate(int(k), *of[k], *contexts[whole], seeds);
         if (o.possible) {
           o.unchecked = o.total;
           if (o.check >= 0) {   // believe the side that explains less
@@ -389,11 +392,14 @@ std::vector<Option> Search::offer(const std::vector<Member> &members, const std:
 }
 
 Option Search::refine(int candidate, const std::vector<Member> &members, const std::vector<double> &from) {
-  Context c = context(members);
+  std::vector<Member> others;
+  for (const Member &m : members)
+    if (!subsumes(candidates_[std::size_t(candidate)], candidates_[std::size_t(m.candidate)])) others.push_back(m);
+  Context c = context(others);
   std::vector<double> shape = from;
   double best = left(c.full, candidates_[std::size_t(candidate)], shape);
   refine_shape(c.full, candidates_[std::size_t(candidate)], shape, best, 5);
-  return judged(candidate, c, shape, c.score);
+  return judged(candidate, c, shape, others.size() == members.size() ? c : context(members));
 }
 
 void Search::polish(std::vector<Member> &members) {

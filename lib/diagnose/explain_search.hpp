@@ -3,6 +3,7 @@
 // Shapes are searched on stretches, refined on everything; every decision is taken on blocks that the fit has not seen.
 #pragma once
 
+#include <algorithm>
 #include <memory>
 #include <string>
 #include <vector>
@@ -28,15 +29,18 @@ struct Option {
   double relative = 0;        // share of the squared error that goes
   double evidence = 0;        // over blocks (evidence.hpp)
   double broad = 0;           // share of the gain left without the best tenth of the blocks
+  double consistency = 0;     // over stretches, weighed by what the effect says there (evidence.hpp)
   double check = -1;          // spring: share of the error left when it is seen from the drive; negative: not asked
   double unchecked = 0;       // total before that
   double relative_raw = 0;    // the same share before whitening: what a user sees fall
   double held_gain = 0;       // log-likelihood gained on held-out blocks by a fit to the training blocks alone
+  double held_share = 0;      // share of the rows that are held out: what held_gain should be of gain
   std::vector<double> sse;    // by block
   double total = 0;
   double raw = 0;             // squared error before whitening
   double noise = 1;           // noise power let through, relative to the nominal model: already divided out of the errors
-  double worth() const { return gain - cost; }
+  // Held-out data decides: what was gained counts only as far as unseen blocks confirm a third of it.
+  double worth() const { return (held_share > 0 ? std::min(gain, 3 * held_gain / held_share) : gain) - cost; }
 };
 
 struct Solution {
@@ -86,9 +90,9 @@ class Search {
   double raw_square(const Eigen::VectorXd &white) const;
   View view(const Equation &equation, const std::vector<Member> &members) const;
   double left(const View &view, const Candidate &candidate, const std::vector<double> &shape) const;   // pooled squared error
-  Option try_candidate(int candidate, const Context &context, const std::vector<std::vector<double>> &seeds) const;
+  Option try_candidate(int candidate, const Context &context, const Context &against, const std::vector<std::vector<double>> &seeds) const;
   void refine_shape(const View &view, const Candidate &candidate, std::vector<double> &shape, double &best, int rounds) const;
-  Option judged(int candidate, const Context &context, const std::vector<double> &shape, const BlockGram::Score &against) const;
+  Option judged(int candidate, const Context &context, const std::vector<double> &shape, const Context &against) const;
   Context context(const std::vector<Member> &members) const;
   std::vector<std::vector<double>> losses(const std::vector<Member> &members, const Eigen::VectorXd &coefficient) const;
   bool less_above_threshold(const std::vector<Member> &members, int candidate, const std::vector<double> &shape, double share) const;

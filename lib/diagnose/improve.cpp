@@ -118,9 +118,9 @@ ordered_json improve(const driveid_model &model, const driveid_task &task, const
     if (!r.accepted) continue;
     for (unsigned k = 0; k < x.grown.effects; ++k) {
       if (std::strcmp(x.grown.effect[k].name, r.effect.c_str())) continue;
-      bool there = k < x.model.effects;
+      bool there = k + x.added < x.grown.effects;
       if (there) continue;
-      if (driveid_model_add(&grown, r.effect.c_str(), nullptr, nullptr, reason, sizeof reason) == DRIVEID_OK) grown.effect[grown.effects - 1] = x.grown.effect[k];
+      if (add_in_place(grown, r.effect.c_str(), reason, sizeof reason) == DRIVEID_OK) grown.effect[grown.effects - 1] = x.grown.effect[k];
     }
     copy_values(grown, x.grown);
     const Analysis *home = lead;

@@ -283,6 +283,12 @@ Prepared prepare(const driveid_record &record, const driveid_model &model) {
   }
   Roles roles = roles_of(model, p);
   if (!roles.position.empty() && !roles.speed.empty()) check_speed(p, roles.position, roles.speed);
+  if (roles.position.empty() && !roles.speed.empty())
+    if (const double ratio = filter_ratio(p, roles.speed); ratio > 0) {
+      undo_filter(p, roles.speed, ratio);
+      p.quality[roles.speed] = quality_of(p.pieces[0].signal[roles.speed]);
+      p.notices.push_back({"lag", roles.speed + text(" is differenced and filtered: it lags by %.2f ms; the filter was undone", 1e3 * p.dt_s * ratio / (1 - ratio)), p.name});
+    }
   for (auto &n : p.notices)
     if (n.record.empty()) n.record = p.name;
   return p;

@@ -59,4 +59,8 @@ Roles roles_of(const driveid_model &model, const Prepared &record);
 // Prepares the record; never throws on bad data (see Prepared::bad).
 Prepared prepare(const driveid_record &record, const driveid_model &model);
 
+// First-order filter that a drive laid over its differenced counts, per sample (record_filter.cpp); 0: none is seen.
+double filter_ratio(const Prepared &record, const std::string &speed);
+void undo_filter(Prepared &record, const std::string &speed, double ratio);
+
 }  // namespace driveid::diagnose

@@ -138,6 +138,29 @@ TEST(Record, JitteringStampsOfAUniformClockLoseNoRow) {
   for (std::size_t k = 0; k < x.size(); ++k) ASSERT_NEAR(x[k], log.theta_rad[k], 0.02) << k;   // the mean step is that exact: a hundredth of a sample over 8 s
 }
 
+// A drive's own speed, made of counts and filtered, comes back as the difference of the counts; a tachometer's stays as it is.
+TEST(Record, FilterOfADriveOwnSpeedIsUndone) {
+  Log log = run_axis({}, 6, 6);
+  std::vector<double> counts = log.theta_rad, filtered(counts.size(), 0.0), difference(counts.size(), 0.0), tacho(counts.size(), 0.0);
+  std::mt19937 rng(7);
+  std::normal_distribution<double> normal;
+  for (std::size_t k = 1; k < counts.size(); ++k) {
+    difference[k] = (counts[k] - counts[k - 1]) / 0.002;
+    filtered[k] = 0.7 * filtered[k - 1] + 0.3 * difference[k];
+    tacho[k] = difference[k] + 0.05 * normal(rng);
+  }
+  for (bool made_of_counts : {true, false}) {
+    log.columns = {{"i_A", log.i_A.data()}, {"omega_rad_s", made_of_counts ? filtered.data() : tacho.data()}};
+    log.record = {"speed", nullptr, nullptr, log.t_ns.size(), log.columns.size(), log.t_ns.data(), log.columns.data()};
+    Prepared p = prepare(log.record, axis_model());
+    ASSERT_TRUE(p.bad.empty()) << p.bad;
+    EXPECT_EQ(noticed(p, "lag"), made_of_counts);
+    const auto &w = p.pieces[0].signal.at("omega_rad_s");
+    const std::vector<double> &expected = made_of_counts ? difference : tacho;
+    for (std::size_t k = 1; k < w.size(); ++k) ASSERT_NEAR(w[k], expected[k], 0.01 * 60) << k;   // a hundredth of the greatest speed: the ratio is read to 1e-4
+  }
+}
+
 TEST(Record, RefusalsSayWhatToRecord) {
   Log log = run_axis({}, 0.05, 4);
   log.seal("short");
