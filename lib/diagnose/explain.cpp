@@ -301,7 +301,10 @@ Explanation explain(const driveid_model &model, const driveid_task &task, const 
       x.shape = shape_table(a);
     }
   }
-  if (!x.ranked.empty() && step(0.93, "refining the values")) refine_ranked(x);
+  if (!x.ranked.empty() && step(0.93, "refining the values")) {
+    refine_ranked(x);
+    widen_for_choice(x);
+  }
   std::stable_sort(x.ranked.begin(), x.ranked.end(), [](const Ranked &p, const Ranked &q) { return p.worth > q.worth; });
   if (x.ranked.empty()) x.verdict = unknown ? "unknown" : "nothing_missing";
   else if (unknown && unknown_gain > 0.3 * found_worth) x.verdict = "unknown";

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <cstring>
 
 #include "diagnose/fit_core.hpp"
@@ -35,7 +36,33 @@ void copy_values(Ranked &ranked, const driveid_model &model) {
     }
 }
 
+// Two-sided 95 % for each of `among` statements at once.
+double simultaneous(std::size_t among) {
+  double lo = 1.9, hi = 8;
+  for (int k = 0; k < 60; ++k) {
+    const double z = 0.5 * (lo + hi);
+    (std::erfc(z / std::sqrt(2.0)) > 0.05 / double(among) ? lo : hi) = z;
+  }
+  return lo;
+}
+
 }  // namespace
+
+double widen_for_choice(Explanation &x) {
+  std::size_t among = 1;
+  for (const Analysis &a : x.analysis) among = std::max(among, a.search->candidates().size());
+  const double by = simultaneous(among) / simultaneous(1);
+  const auto widen = [by](double value, double &lo, double &hi) { lo = value - by * (value - lo), hi = value + by * (hi - value); };
+  for (Ranked &r : x.ranked)
+    for (Value &v : r.parameters) widen(v.value, v.lo, v.hi);
+  for (uint32_t e = x.grown.effects - x.added; e < x.grown.effects; e++)
+    for (uint32_t k = 0; k < x.grown.effect[e].params; k++)
+      if (driveid_param &p = x.grown.effect[e].param[k]; p.lo < p.hi) widen(p.value, p.lo, p.hi);
+  char text[160];
+  std::snprintf(text, sizeof text, "intervals of found effects are widened by %.2f: each was chosen among %zu by the same data", by, among);
+  x.notices.push_back({"chosen", text, ""});
+  return by;
+}
 
 void refine_ranked(Explanation &x) {
   std::vector<const Equation *> equations;

@@ -115,14 +115,20 @@ std::size_t mend_lone_samples(std::vector<double> &x, double scale) {
     const double d = x[k] - (4 * (x[k - 1] + x[k + 1]) - x[k - 2] - x[k + 2]) / 6;
     if (std::isfinite(d)) departure[k] = std::fabs(d);
   }
-  std::vector<std::size_t> found;
+  std::vector<std::size_t> peak, found;
   for (std::size_t k = 2; k + 2 < n; ++k) {
     if (departure[k] < 8 * scale || departure[k] < departure[k - 1] || departure[k] < departure[k + 1]) continue;
     const double left = x[k] - x[k - 1], right = x[k] - x[k + 1];
-    if (left * right <= 0 || std::min(std::fabs(left), std::fabs(right)) < 0.5 * departure[k]) continue;
+    if (left * right > 0 && std::min(std::fabs(left), std::fabs(right)) >= 0.5 * departure[k]) peak.push_back(k);
+  }
+  for (std::size_t k : peak) {
+    const auto from = std::lower_bound(peak.begin(), peak.end(), k > reach + near ? k - reach - near : 0), to = std::upper_bound(from, peak.end(), k + reach + near);
+    const bool few = to - from <= 3;   // two or three wrong samples may fall close together
     double around = 0;
-    for (std::size_t j = k > reach ? k - reach : 0; j < std::min(n, k + reach + 1); ++j)
-      if (j + near <= k || j >= k + near) around = std::max(around, departure[j]);
+    for (std::size_t j = k > reach ? k - reach : 0; j < std::min(n, k + reach + 1); ++j) {
+      const bool of_a_peak = std::any_of(from, to, [&](std::size_t p) { return (few || p == k) && j + near > p && j < p + near; });
+      if (!of_a_peak) around = std::max(around, departure[j]);
+    }
     if (departure[k] > 6 * around) found.push_back(k);
   }
   if (found.size() > 12 && found.size() * 1000 > n) return 0;

@@ -61,7 +61,23 @@ TEST(Explain, CoulombIsFoundWithItsSize) {
   json j = explain_axis(axis, 2);
   ASSERT_FALSE(j["ranked"].empty());
   EXPECT_EQ(j["ranked"][0]["effect"], "coulomb");
+  bool widened = false;
+  for (auto &n : j["notices"]) widened |= n["kind"] == "chosen";   // the choice among the catalogue is paid for, and said
+  EXPECT_TRUE(widened);
   EXPECT_NEAR(j["ranked"][0]["parameters"]["tau_c_Nm"]["value"].get<double>(), 0.012, 0.0012);   // a tenth: stiction rows are left out, noise is 1 % of rated
+}
+
+// Coulomb stands in the model, the drive has more: the richer law takes its place, in the answer and in the model that improve writes.
+TEST(Explain, RicherFrictionTakesThePlaceOfCoulomb) {
+  char *toml = nullptr, message[200];
+  ASSERT_EQ(driveid_add(new_model("rigid_axis", {"K_t_Nm_A=0.08"}).c_str(), "coulomb", &toml, message, sizeof message), DRIVEID_OK) << message;
+  std::string text = toml;
+  driveid_text_free(toml);
+  ASSERT_EQ(driveid_add(text.c_str(), "stribeck", &toml, message, sizeof message), DRIVEID_OK) << message;
+  text = toml;
+  driveid_text_free(toml);
+  EXPECT_EQ(text.find("\"coulomb\""), std::string::npos) << text;
+  EXPECT_NE(text.find("\"stribeck\""), std::string::npos) << text;
 }
 
 // Real stiction at every reversal, and dry friction in the model: smoothing must not turn the jump of friction into a bristle.

@@ -76,6 +76,18 @@ TEST(Record, GapsSplitAndSpikesAreMended) {
   EXPECT_LT(std::fabs(x[1000] - 0.5 * (x[999] + x[1001])), 0.05);
 }
 
+// Two wrong samples close together are no motion either: left in, they would decide the inertia.
+TEST(Record, GlitchesCloseTogetherAreMended) {
+  Log log = run_axis({}, 8, 2);
+  const std::vector<double> right = log.theta_rad;
+  log.theta_rad[1200] += 4;
+  log.theta_rad[1204] -= 3;
+  log.seal("two glitches");
+  Prepared p = prepare(log.record, axis_model());
+  const auto &x = p.pieces[0].signal.at("theta_rad");
+  for (std::size_t k : {1200u, 1204u}) EXPECT_NEAR(x[k] - x[1100], right[k] - right[1100], 0.05);
+}
+
 TEST(Record, SpeedInOtherUnitsIsNoticed) {
   Log log = run_axis({}, 6, 3);
   std::vector<double> speed(log.theta_rad.size(), 0.0);
