@@ -84,8 +84,8 @@ std::vector<Candidate> make_candidates(const Equation &e) {
       x.whole = s.whole;
       switch (s.dimension) {
         case DRIVEID_DIM_SPEED:
-          x.lo = std::max(s.lo, 0.004 * r.speed);
-          x.hi = std::max(2 * x.lo, std::min(s.hi, 0.6 * r.speed));
+          x.lo = std::max(s.lo, 0.004 * r.speed);   // above a fifth of the speed it is no stiction but another law of drag
+          x.hi = std::max(2 * x.lo, std::min(s.hi, 0.2 * r.speed));
           x.grid = logarithmic(x.lo, x.hi, info->shapes > 2 ? 5 : 12);
           break;
         case DRIVEID_DIM_LENGTH:
@@ -199,6 +199,7 @@ bool lawful(const Equation &e, const Candidate &c, const std::vector<double> &sh
   for (std::size_t k = 0; k < p.size(); ++k) {
     if (!std::isfinite(p[k])) return false;
     if (c.info->param[k].lo == 0.0 && p[k] < 0) return false;
+    if (is(c, "torque_saturation") && p[k] >= c.info->param[k].hi) return false;   // a knee beyond all bounds is none
     if (c.info->param[k].dimension == DRIVEID_DIM_ONE && p[k] > c.info->param[k].hi) return false;
   }
   return true;

@@ -12,8 +12,8 @@ namespace {
 
 constexpr double kWorthMin = 14;        // log-likelihood beyond cost that an effect must bring
 constexpr double kRelativeMin = 0.003;  // and the share of the squared error
-constexpr double kBroadLeast = 0.1;     // share of the gain outside its best blocks that is always asked for
-constexpr double kBroadMin = 0.2;       // and this
+constexpr double kElsewhereMin = 5;     // of the gain, what must be left without its best tenth of the blocks
+constexpr double kBroadMin = 0.2;       // or this share of it
 constexpr double kBroadGain = 200;      // where that is this much
 constexpr double kEvidenceMin = 2.5;    // and over blocks: not in one place only
 constexpr double kConsistencyMin = 3;   // or where the effect speaks at all: the same in at least nine stretches' worth
@@ -26,7 +26,7 @@ constexpr double kFurtherMin = 0.002;   // of what the accepted effects took: ev
 
 bool acceptable(const Option &o) {
   const bool in_places = o.evidence > kEvidenceMin || o.consistency > kConsistencyMin || (o.evidence > 1 && o.broad > kBroadMin && o.broad * o.gain > kBroadGain);
-  return o.possible && o.gain > 0 && o.worth() > kWorthMin && o.relative > kRelativeMin && o.relative_raw > kRelativeMin && o.broad > kBroadLeast && in_places && o.held_gain > 0;
+  return o.possible && o.gain > 0 && o.worth() > kWorthMin && o.relative > kRelativeMin && o.relative_raw > kRelativeMin && o.broad * o.gain > kElsewhereMin && in_places && o.held_gain > 0;
 }
 
 int complexity(const Search &s, const Option &o) {
@@ -91,11 +91,14 @@ bool reexamine(Search &search, std::vector<Member> &chosen, const std::vector<Me
       if (self.possible && o.possible && o.candidate != self.candidate && complexity(search, o) > complexity(search, self) && self.total - o.total < 0.02 * removed) o.possible = false;
     int best = pick(search, options);
     if (!acceptable(self) && best < 0) {
+      if (!search.sound(others)) continue;
       chosen = others;
       return true;
     }
     if (best >= 0 && options[std::size_t(best)].candidate != chosen[m].candidate && options[std::size_t(best)].worth() > self.worth() + 4) {
-      chosen = search.joined(others, options[std::size_t(best)].candidate, options[std::size_t(best)].shape);
+      const std::vector<Member> other = search.joined(others, options[std::size_t(best)].candidate, options[std::size_t(best)].shape);
+      if (!search.sound(other)) continue;   // what stands beside it leans on this member
+      chosen = other;
       return true;
     }
     if (self.possible) chosen[m].shape = self.shape;

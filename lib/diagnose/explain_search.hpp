@@ -62,6 +62,8 @@ class Search {
   Option refine(int candidate, const std::vector<Member> &members, const std::vector<double> &from);
   Solution solve(const std::vector<Member> &members) const;
   std::vector<Member> joined(const std::vector<Member> &members, int candidate, const std::vector<double> &shape) const;
+  // Are the values of every free member physical when all are solved together?
+  bool sound(const std::vector<Member> &members) const;
   // Re-optimises the shapes of all free members together, one after another.
   void polish(std::vector<Member> &members);
   double rows() const { return rows_; }
