@@ -80,7 +80,7 @@ def test_filters_suggested_for_a_motion(tmp_path, daemon):
             process.send_signal(signal.SIGTERM)
             assert process.wait(10) == 0
         _, check = online.replay_drec(folder / "out.drec")
-        assert check.compared >= 100 and check.identical == check.compared
+        assert check.compared >= 80 and check.identical == check.compared  # of 6 s; the filters are slow, and values count from when they are confirmed
     assert estimates[0] == estimates[1]
     (tmp_path / "slow.toml").write_text(CONFIG.format(folder=tmp_path, method="fsm", type="f64").replace("dt_s = 0.001\n", "dt_s = 0.1\nmotion_rad_s = 30\n", 1))
     done = subprocess.run([daemon, str(tmp_path / "slow.toml")], cwd=tmp_path, capture_output=True, text=True, stdin=subprocess.DEVNULL, timeout=60)
