@@ -51,7 +51,7 @@ struct Options {
 };
 
 // the staircase of an explanation, fitted and compared at each step
-nlohmann::ordered_json improve(const driveid_model &model, const driveid_task &task, const Options &options, const Explanation &explanation);
+nlohmann::ordered_json improve(const driveid_task &task, const Options &options, const Explanation &explanation);
 Options options_of(const char *json);
 // Explains a model on records; progress may be NULL.
 Explanation explain(const driveid_model &model, const driveid_task &task, const Options &options);

@@ -77,7 +77,7 @@ void copy_values(driveid_model &to, const driveid_model &from) {
 
 }  // namespace
 
-ordered_json improve(const driveid_model &model, const driveid_task &task, const Options &options, const Explanation &x) {
+ordered_json improve(const driveid_task &task, const Options &options, const Explanation &x) {
   ordered_json j = head_json(task, x);
   ordered_json steps = ordered_json::array();
   const char *ends = "nothing_missing";
@@ -181,7 +181,7 @@ extern "C" driveid_status driveid_improve(const driveid_task *task, char **json,
     Explanation x = explain(model, *task, options);
     if (x.cancelled) return DRIVEID_NOT_YET;
     const bool bad = x.verdict == "bad_data";
-    nlohmann::ordered_json j = bad ? explanation_json(x, *task, options) : improve(model, *task, options, x);
+    nlohmann::ordered_json j = bad ? explanation_json(x, *task, options) : improve(*task, options, x);
     if (bad) {
       j["steps"] = nlohmann::ordered_json::array();
       j["ends"] = "bad_data";
