@@ -2,7 +2,7 @@
 """The quick hidden-effect set through the command line, with the score that must be held.
 
 The thresholds are the score that was reached (single 10: 8 of 8, 3: 22 of 23, 1.2: 6 of 6, 1.05: 3 of 3, none: 9 of 9, outside: 6 of 8, pairs: 6 of 6)
-less one case in each group, as another compiler's rounding may turn one that is near. Samples this small say little of the rate: 22 of 23 goes with any
+less one case in each group but outside, as another compiler's rounding may turn one that is near. Samples this small say little of the rate: 22 of 23 goes with any
 rate from 78 to 99.9 % (95 % binomial interval), 9 of 9 with 66 to 100 %. The goals and larger samples stand in docs/hidden-effects.md.
 """
 import os
@@ -14,7 +14,7 @@ import run
 import table
 
 # right cases that must be held, by group (and size for single effects)
-HELD = {"single 10": 7, "single 3": 21, "single 1.2": 5, "single 1.05": 2, "none": 8, "outside": 5, "pair": 5}
+HELD = {"single 10": 7, "single 3": 21, "single 1.2": 5, "single 1.05": 2, "none": 8, "outside": 6, "pair": 5}
 
 
 @pytest.fixture(scope="module")
