@@ -110,7 +110,7 @@ void q31_filter_start(q31_state *self, const int32_t *count) {
     }
     for (unsigned c = 0; c < channels; c++) {
         const int average = self->common.regression.hold[c] == DRIVEID_HOLD_AVERAGE;
-        for (unsigned j = 0; j < sections && self->level[c] && !average; j++) self->w[c][j] = -count[c];
+        for (unsigned j = 0; j < sections && self->level[c] && !average; j++) self->w[c][j] = fixed_saturate(-(int64_t)count[c], &self->saturations);
         if (average && self->level[c]) self->input[c] = 0;
     }
     self->w[channels][0] = self->fresh ? FIXED_UNIT : 0;
