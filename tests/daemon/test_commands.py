@@ -38,6 +38,21 @@ def test_what_cannot_be_identified_is_refused_with_a_reason(tmp_path):
     assert "none.toml" in run("--check", "d.toml", cwd=tmp_path).stderr
 
 
+def test_fixed_point_names_the_signals_whose_range_it_lacks(tmp_path):
+    """Also the speed, which a PMSM's equations contain and no signal gives."""
+    config = tmp_path / "a.toml"
+    config.write_text(SOCKETPAIR + drive(type="q31"))
+    done = run("--check", config)
+    assert done.returncode == 2 and "`range` of the signals i_q_A theta_rad" in done.stderr, done.stderr
+    folder = ROOT / "tests/golden/pmsm-fd"
+    text = (folder / "driveidd.toml").read_text().replace('type = "f64"', 'type = "q31"').replace('hold = "', 'range = 10\n  hold = "')
+    config.write_text(text)
+    done = run("--check", config)
+    assert done.returncode == 2 and "`speed_range`" in done.stderr, done.stderr
+    config.write_text(text.replace("dt_s =", "speed_range = 500\ndt_s ="))
+    assert run("--check", config).returncode == 0
+
+
 def test_a_model_file_is_taken(tmp_path):
     (tmp_path / "m.toml").write_text('format = 1\nstructure = "rigid_axis"\n[parameters.K_t_Nm_A]\nvalue = 0.05\nunit = "N m/A"\nstate = "given"\n')
     (tmp_path / "a.toml").write_text(SOCKETPAIR + drive().replace('structure = "rigid_axis"', 'model = "m.toml"').replace("given = { K_t_Nm_A = 0.05 }", ""))
