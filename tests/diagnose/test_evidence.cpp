@@ -75,6 +75,8 @@ TEST(Evidence, RanksWeighManyPlacesMoreThanOne) {
   once[5] = -100;   // one block, however large
   EXPECT_GT(evidence(before, everywhere), 5);
   EXPECT_LT(evidence(before, once), 2);
+  for (std::size_t k = 0; k < 40; ++k) once[k] = k < 3 ? 0.5 : 1.01;   // three large gains, a small loss everywhere else
+  EXPECT_LT(evidence(before, once), -3);
   EXPECT_EQ(evidence(before, before), 0);
   EXPECT_LT(evidence(everywhere, before), -5);
 }
