@@ -92,8 +92,8 @@ const Key<D> kDrive[] = {
     {"instant_can_id", &D::instant_can_id, "", -1, 0x7FF, "-1", "", "frame (CANopen SYNC: 0x80) whose arrival is the sampling instant of the values after it; -1 none", ""},
     {"report_s", &D::report_s, "s", 0.001, 3600, "0.1", "", "time between two estimates, in the time of the samples", ""},
     {"stale_s", &D::stale_s, "s", 0.001, 3600, "1", "", "silence after which parameters are no longer valid", ""},
-    {"alarm", &D::alarm, "", -1, 1e6, "0", "", "residual alarm threshold of the estimator; 0 its default, negative never", ""},
-    {"speed_range", &D::speed_range, "rad/s, m/s", 0, kAny, "0", "", "type q31: |speed| that the drive stays within, where the speed is no signal", ""},
+    {"alarm", &D::alarm, "", -1, 1e6, "0", "", "residual alarm threshold of the estimator; 0 its default, negative: it never begins anew by itself", ""},
+    {"speed_range", &D::speed_range, "rad/s, m/s", 0, 1e9, "0", "", "type q31: |speed| that the drive stays within, where the speed is no signal", ""},
     {"watch", &D::watch, "", 0, 0, "true", "", "run the loaded model beside the drive and say when it no longer explains it, and the likely effect", ""},
     {"record_samples", &D::record_samples, "", 0, 0, "true", "", "write decoded samples into the record, beside the frames", ""},
 };
@@ -131,7 +131,7 @@ const Key<F> kMux[] = {
 const Key<G> kSignal[] = {
     {"name", &G::name, "", 0, 0, nullptr, "", "signal: i_A i_d_A i_q_A v_V v_d_V v_q_V tau_Nm F_N theta_rad omega_rad_s theta_l_rad omega_l_rad_s x_m v_m_s T_degC u y", ""},
     {"hold", &G::hold, "", 0, 0, "", "instant|zoh|average|", "between two stamps: smooth, held, or a mean over the interval; \"\": what the structure assumes", ""},
-    {"range", &G::range, "SI", 0, kAny, "0", "", "type q31: |value| that the signal stays within; an angle may turn on and on, a position within one window may not", ""},
+    {"range", &G::range, "SI", 0, 1e12, "0", "", "type q31: |value| that the signal stays within; an angle may turn on and on, a position within one window may not", ""},
     {"wait", &G::wait, "", 0, 0, "true", "", "false: the last value is used and no sample waits for a new one (temperature)", ""},
     {"delay_s", &G::delay_s, "s", 0, 10, "0", "", "known age of the value when it is sent: taken off its stamp", ""},
 };

@@ -82,7 +82,7 @@ void describe_drive(JsonOut& o, const Drive& d, int64_t now_ns) {
     o.open('{').field("name", d.config().name).field("structure", d.structure()).field("method", d.config().method).field("type", d.config().type);
     o.field("state", drive_state_name(d.state(now_ns))).field("status", driveid_status_text(d.status())).field("t_ns", d.last_ns());
     o.field("samples", d.samples()).field("rate_Hz", d.rate_Hz()).field("jitter_ns", d.jitter_ns()).field("gaps", c.gaps).field("dropped", c.dropped);
-    o.field("rejected", c.rejected).field("duplicates", c.duplicates).field("reordered", c.reordered).field("jumps", c.jumps);
+    o.field("rejected", c.rejected).field("duplicates", c.duplicates).field("reordered", c.reordered).field("jumps", c.jumps).field("saturations", c.saturations);
     o.field("restarts", d.restarts()).key("time_to_first_trusted_s");
     d.first_trusted_s() >= 0 ? o.number(d.first_trusted_s()) : o.null();
     residual(o, d);

@@ -10,6 +10,8 @@
 namespace gw {
 
 namespace {
+constexpr double kSaturated = 0.05;                      // of the samples
+constexpr double kMemory_s = 10;                         // of the estimator, where the configuration leaves it
 constexpr int64_t kChangeNs = 2 * DRIVEID_NS_PER_S;     // a residual alarm and the watch see one change within this
 constexpr int64_t kAlarmHoldNs = 30 * DRIVEID_NS_PER_S;  // a restart is a mismatch for this long in the drive's time
 }
@@ -41,6 +43,7 @@ void Drive::take(const Drive& o) {
     estimate_ = o.estimate_;
     status_ = o.status_;
     parameters_ = o.parameters_;
+    saturations_ = o.saturations_, saturated_until_ns_ = o.saturated_until_ns_;
     for (size_t k = 0; k < can_.size(); ++k) can_[k].scaler = o.can_[k].scaler;
     for (size_t k = 0; k < registers_.size(); ++k) registers_[k].scaler = o.registers_[k].scaler;
     counter_primed_ = o.counter_primed_, last_counter_ = o.last_counter_, instant_ns_ = o.instant_ns_;
@@ -168,21 +171,23 @@ void Drive::values(uint32_t mask, const double* value, const driveid_stamp& stam
     driveid_sample s;
     if (!aligner_.add(mask, value, stamp, s)) return;
     if (config_.paced) s.stamp.t_ns = pacer_.instant(s.stamp.t_ns, config_.has_counter ? counted_ : 0);
-    if (config_.paced && pacer_.torn()) tear();
+    const bool torn = config_.paced && pacer_.torn();
+    if (torn) tear(torn_ ? 0 : 1);
+    torn_ = torn;
     shifter_.add(s, [this](const driveid_sample& shifted) { sample(shifted); });
 }
 
 void Drive::gap(int source, uint64_t lost) {
     if (!uses(source)) return;
     counters_.dropped += lost;
-    tear();
+    tear(1);
     aligner_.restart();
     pacer_.restart();
 }
 
-// Between the last sample and the next one lies an unknown time.
-void Drive::tear() {
-    ++counters_.gaps;
+// Between the last sample and the next one lies an unknown time. gaps: 0 where it belongs to one that is counted.
+void Drive::tear(unsigned gaps) {
+    counters_.gaps += gaps;
     gap_told_ = true;
     driveid_estimator_gap(estimator());
     driveid_online_gap(&online_);
@@ -286,6 +291,7 @@ void Drive::report() {
             if (all && !withheld_ && first_trusted_s_ < 0) first_trusted_s_ = double(e.t_ns - first_ns_) * 1e-9;
         }
     }
+    follow_saturation(e.t_ns);
     follow_watch();
     listener_.on_report(index_);
 }
@@ -302,8 +308,29 @@ void Drive::residual_alarm(const driveid_estimate& e) {
     restarts_seen_ = e.restarts;
 }
 
+// Fixed point leaves a row out that is beyond what it can hold; where such are many, values are beyond their declared range, and it is bent for as long as it remembers them.
+void Drive::follow_saturation(int64_t t_ns) {
+    const uint32_t saturations = driveid_estimator_saturations(estimator());
+    if (saturations < saturations_) saturations_ = 0;  // it has begun anew
+    counters_.saturations += saturations - saturations_;
+    if (double(saturations - saturations_) > kSaturated * double(samples() - samples_seen_)) {
+        log_event(Level::warning, config_.name.c_str(), "saturation", "raise `range` of the signals, or `speed_range`", "values beyond their declared range");
+        saturated_until_ns_ = t_ns + int64_t((config_.forgetting_s > 0 ? std::min(config_.forgetting_s, 3600.0) : kMemory_s) * 1e9);
+    }
+    saturations_ = saturations;
+    samples_seen_ = samples();
+    if (t_ns < saturated_until_ns_)
+        for (auto& p : parameters_) p.trusted = false;
+}
+
 // What the estimator follows with the model that it has; any other effect bends its parameters.
 static bool is_change_of_parameter(const char* effect) { return std::strcmp(effect, "inertia_change") == 0 || std::strcmp(effect, "friction_drift") == 0; }
+
+// The sums know the drive from before since_ns: they had an answer then, and have not begun anew with the change already. A user who wants no restarts gets none.
+bool Drive::holds_what_was(int64_t since_ns) const {
+    const bool anew = restarted_ && first_after_restart_ns_ + kChangeNs > since_ns;
+    return config_.alarm >= 0 && !anew && estimate_.first_trusted_ns > 0 && estimate_.first_trusted_ns < since_ns;
+}
 
 // One alarm: the loaded model does not explain the drive, or, where nothing watches yet, the estimator has restarted not long ago.
 void Drive::follow_watch() {
@@ -317,8 +344,7 @@ void Drive::follow_watch() {
         log_event(Level::warning, config_.name.c_str(), "model", "explain a record of it: driveid explain",
                   "the model no longer explains this drive; likely effect: %s; most of it %s", effect, driveid_watch_regime_name(w->regime));
     // The sums still hold the drive as it was: mixed with what it is now they give values that are neither, for as long as they remember.
-    const bool anew = restarted_ && first_after_restart_ns_ + kChangeNs > w->since_ns;  // it has begun anew with this change already
-    if (effect && effect != likely_ && is_change_of_parameter(effect) && !anew) {
+    if (effect && effect != likely_ && is_change_of_parameter(effect) && holds_what_was(w->since_ns)) {
         driveid_estimator_restart(estimator());
         restarts_before_ += estimate_.restarts + 1;
         restarts_seen_ = estimate_.restarts = 0;
@@ -351,7 +377,7 @@ double Drive::age_s(const ParameterReport& p, int64_t now_ns) const {
 
 DriveCounters Drive::counters() const {
     DriveCounters c = counters_;
-    c.dropped += aligner_.counters().incomplete;
+    c.dropped += aligner_.counters().incomplete + shifter_.lost();
     c.duplicates += aligner_.counters().duplicates;
     c.reordered += aligner_.counters().late;
     return c;

@@ -33,7 +33,7 @@ struct ParameterReport {
 };
 
 struct DriveCounters {
-    uint64_t gaps = 0, dropped = 0, rejected = 0, duplicates = 0, reordered = 0, jumps = 0;
+    uint64_t gaps = 0, dropped = 0, rejected = 0, duplicates = 0, reordered = 0, jumps = 0, saturations = 0;
 };
 
 // What the drive tells its listener while messages are fed.
@@ -99,7 +99,9 @@ private:
     void make_estimator(uint32_t present);
     void make_shifter(const Config& all, uint32_t waited);
     void values(uint32_t mask, const double* value, const driveid_stamp& stamp);
-    void tear();
+    void tear(unsigned gaps);
+    bool holds_what_was(int64_t since_ns) const;
+    void follow_saturation(int64_t t_ns);
     bool counter_says_skip(uint64_t now, unsigned bits, bool each);
     void sample(const driveid_sample& sample);
     void timing(int64_t t_ns);
@@ -137,6 +139,10 @@ private:
     Aligner aligner_;
     Pacer pacer_;
     Shifter shifter_;
+    bool torn_ = false;              // the time line was torn at the last sample
+    uint32_t saturations_ = 0;       // q31: values beyond their range, as the estimator counts them
+    uint64_t samples_seen_ = 0;      // at the last report
+    int64_t saturated_until_ns_ = 0; // and how long they are remembered
     DriveCounters counters_;
     bool replayed_ = false;
     int64_t first_ns_ = 0, last_ns_ = 0, next_report_ns_ = 0, first_after_restart_ns_ = 0;

@@ -12,7 +12,7 @@ void Shifter::push(const driveid_sample& in) {
     }
     at(end_++) = in;
     if (end_ - first_ > kRing) ++first_;
-    pending_ = std::max(pending_, first_);
+    if (pending_ < first_) ++pending_, ++lost_;
 }
 
 bool Shifter::next(driveid_sample& out) {

@@ -27,9 +27,10 @@ public:
     }
     void restart() { first_ = pending_ = end_; }
     int64_t skew_ns() const { return skew_ns_; }
+    uint64_t lost() const { return lost_; }  // samples that came too densely to be kept until their reading
 
 private:
-    static constexpr uint64_t kRing = 32;
+    static constexpr uint64_t kRing = 256;
 
     void push(const driveid_sample& in);
     bool next(driveid_sample& out);
@@ -37,6 +38,7 @@ private:
 
     int64_t skew_ns_ = 0, silence_ns_ = 0;
     uint32_t moved_ = 0;
+    uint64_t lost_ = 0;
     uint64_t first_ = 0, pending_ = 0, end_ = 0;   // oldest kept, next to be given out, one after the newest
     std::array<driveid_sample, kRing> ring_{};
 };

@@ -5,7 +5,7 @@ const char *driveid_status_text(driveid_status status) {
     switch (status) {
     case DRIVEID_OK: return "ok";
     case DRIVEID_NOT_YET: return "not yet: too little data since start, restart or gap";
-    case DRIVEID_WEAK_EXCITATION: return "weak excitation: the motion does not move every parameter";
+    case DRIVEID_WEAK_EXCITATION: return "weak excitation: the motion does not move every parameter, or has not confirmed it yet";
     case DRIVEID_RANK: return "parameters cannot be told apart with these data";
     case DRIVEID_FROZEN: return "the drive rests: parameters held";
     case DRIVEID_GAP: return "gap in the stamps: filters restarted";

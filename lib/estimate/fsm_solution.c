@@ -10,6 +10,7 @@
 #define ROWS_LATER 50.0      /* and before a prefiltered stage is believed */
 #define SCALE_LEAST 1e-6     /* of the known side's mean square must be its own */
 #define CONFIRMED 0.8        /* of the first interval: half as many rows again */
+#define FORGOTTEN 3.0        /* memories: a twentieth is left */
 #define AGREED 50            /* answers, where the interval does not shrink: a second of motion */
 #define AGREES 1e-3          /* of the value: closer than that nobody asks */
 #define EXCESS 2.0           /* output noise may weigh so much more at low frequency than at high, behind a prefilter */
@@ -374,6 +375,15 @@ static int is_confirmed(driveid_svf_common *common, int i, const fsm_solution *s
     return 1;
 }
 
+static void unconfirm(driveid_svf_common *common) {
+    common->confirmed_mask = 0;
+    memset(common->first_half, 0, sizeof common->first_half);
+}
+
+void fsm_silence(driveid_svf_common *common, double silence_s) {
+    if (silence_s > FORGOTTEN * common->options.forgetting_s) unconfirm(common);
+}
+
 void fsm_publish(driveid_svf_common *common, int found, const fsm_solution *best, int64_t t_ns) {
     driveid_estimate *a = &common->answer;
     const int p = common->regression.params;
@@ -384,8 +394,7 @@ void fsm_publish(driveid_svf_common *common, int found, const fsm_solution *best
     const double quantile = student(best->freedom);
     if (a->params == 0 || common->confirmed_restarts != a->restarts) {
         common->confirmed_restarts = a->restarts;
-        common->confirmed_mask = 0;
-        memset(common->first_half, 0, sizeof common->first_half);
+        unconfirm(common);
     }
     a->t_ns = t_ns;
     a->first_ns = common->first_ns;

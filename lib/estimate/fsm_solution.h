@@ -44,6 +44,9 @@ double fsm_score(const driveid_svf_common *common, int equation, const fsm_sums 
 /* sums[equations]: the chosen stage of each. 1 where there is a solution, 0 where there are too few rows. */
 int fsm_solve(const driveid_svf_common *common, const fsm_sums *sums, double small, fsm_solution *out);
 
+/* After a silence that the sums have all but forgotten, answers come from few rows again: they are to be confirmed anew. */
+void fsm_silence(driveid_svf_common *common, double silence_s);
+
 /* Verdict and answer (found = 0: none). */
 void fsm_publish(driveid_svf_common *common, int found, const fsm_solution *best, int64_t t_ns);
 

@@ -43,6 +43,7 @@ dt_s = 0.001
   signed = true
   scale = 0.001
   hold = "zoh"
+  %s
   [[drive.signal]]
   name = "theta_rad"
   source = "bus"
@@ -60,18 +61,18 @@ dt_s = 0.001
 
 // The axis under piecewise constant current, solved exactly: w' = (K_t i - B w) / J.
 struct Axis {
-    double theta = 0, omega = 0;
+    double theta = 0, omega = 0, J = kJ;
     void step(double i_A, double dt) {
-        const double a = kB / kJ, end = kKt * i_A / kB, e = std::exp(-a * dt);
+        const double a = kB / J, end = kKt * i_A / kB, e = std::exp(-a * dt);
         theta += end * dt + (omega - end) * (1 - e) / a;
         omega = end + (omega - end) * e;
     }
 };
 
 struct Rig {
-    explicit Rig(const char* drive_keys = "", const char* theta_keys = "") {
+    explicit Rig(const char* drive_keys = "", const char* theta_keys = "", const char* current_keys = "") {
         char text[2000];
-        snprintf(text, sizeof text, kConfig, drive_keys, theta_keys);
+        snprintf(text, sizeof text, kConfig, drive_keys, current_keys, theta_keys);
         ConfigResult r = config_read_text(text, "x.toml");
         EXPECT_TRUE(r.errors.empty()) << (r.errors.empty() ? "" : r.errors[0]);
         config = r.config;
@@ -120,6 +121,37 @@ TEST(Path, IdentifiesTheAxis) {
     EXPECT_NEAR(rig.drive->rate_Hz(), 1000, 1);
     EXPECT_FALSE(rig.drive->valid(rig.drive->parameters()[0], t + 2000000000)) << "stale after stale_s of silence";
     EXPECT_EQ(rig.drive->state(t + 2000000000), DriveState::stale);
+}
+
+// Nothing watches: the residual alarm alone tells of the change, and is survived.
+TEST(Path, AChangeOfLoadIsFollowedWithoutAWatch) {
+    Rig rig("watch = false");
+    rig.run(8000);
+    rig.axis.J *= 1.5;
+    rig.run(8000);
+    EXPECT_GE(rig.drive->restarts(), 1u);
+    const ParameterReport& J = rig.drive->parameters()[0];
+    EXPECT_TRUE(rig.drive->valid(J, rig.drive->last_ns()));
+    EXPECT_NEAR(J.value, 1.5 * kJ, 0.02 * kJ);
+}
+
+// alarm below 0: whoever wants no restarts gets none, though the watch names the change.
+TEST(Path, NothingBeginsAnewWhereThatIsNotWanted) {
+    Rig rig("alarm = -1");
+    rig.run(8000);
+    rig.axis.J *= 1.5;
+    rig.run(12000);
+    EXPECT_EQ(rig.drive->restarts(), 0u);
+}
+
+// The current's range is a fifth of what flows: what is bent by it is not called valid, and the count says why.
+TEST(Path, FixedPointBeyondItsRangeIsNotTrusted) {
+    Rig fits("type = \"q31\"", "range = 100", "range = 4"), small("type = \"q31\"", "range = 100", "range = 0.4");
+    for (Rig* rig : {&fits, &small}) rig->run(8000);
+    EXPECT_EQ(fits.drive->counters().saturations, 0u);
+    EXPECT_EQ(fits.drive->state(fits.drive->last_ns()), DriveState::valid);
+    EXPECT_GT(small.drive->counters().saturations, 1000u);
+    for (const auto& p : small.drive->parameters()) EXPECT_FALSE(small.drive->valid(p, small.drive->last_ns())) << p.name << " " << p.value;
 }
 
 TEST(Path, AllocatesNothingOnceStarted) {
@@ -437,6 +469,14 @@ TEST(Path, PacedByTheDrivesOwnCounter) {
     f.frame(0x10, {1, 0, 1, 0, 1}, 1000);
     f.frame(0x10, {1, 0, 1, 0, 4}, 9000);
     EXPECT_NEAR(double(f.ear.last.stamp.t_ns - 1000000000), 4e6, 2e3);
+}
+
+// The first frames wait together for 8 ms: one gap, however many steps it takes to the true instants.
+TEST(Path, ALateBurstIsOneGap) {
+    Fields f("paced = true\n", can("i_q_A", "can_id = 0x10") + can("theta_rad", "can_id = 0x10\n  start_bit = 16") + "  [drive.counter]\n  source = \"bus\"\n  can_id = 0x10\n  start_bit = 32\n  length = 8\n");
+    for (int k = 0; k < 40; ++k) f.frame(0x10, {1, 0, 1, 0, uint8_t(k)}, std::max(8000 + 20 * k, 1000 * k));
+    EXPECT_EQ(f.drive->counters().gaps, 1u);
+    EXPECT_NEAR(double(f.ear.last.stamp.t_ns - 1000000000), 39e6, 2e4);
 }
 
 // A skew of half a sample: the current between its two readings, with the angle's stamp.

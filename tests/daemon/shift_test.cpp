@@ -51,6 +51,20 @@ TEST(Shift, EitherSignBelowAndAboveASampleTimeAtUnevenStamps) {
     }
 }
 
+// 8 ms of skew at 64 kHz are more samples than are kept: those that had to go are counted, the others are right.
+TEST(Shift, WhatComesTooDenselyIsCounted) {
+    const int64_t skew = 8 * kMs, step = kMs / 64;
+    Shifter shifter(skew, kI, 50 * kMs);
+    int out = 0;
+    for (int k = 0; k < 5000; ++k) shifter.add(reading(1000 * kMs + k * step, skew), [&](const driveid_sample& s) { expect_right(s), ++out; });
+    EXPECT_GT(shifter.lost(), 4000u);
+    EXPECT_LE(uint64_t(out) + shifter.lost(), 5000u);
+    Shifter kept(skew, kI, 50 * kMs);
+    for (int k = out = 0; k < 5000; ++k) kept.add(reading(1000 * kMs + k * kMs / 8, skew), [&](const driveid_sample& s) { expect_right(s), ++out; });
+    EXPECT_EQ(kept.lost(), 0u);
+    EXPECT_GT(out, 4900);
+}
+
 TEST(Shift, NoSkewChangesNothing) {
     Shifter shifter(0, kI, 50 * kMs);
     int out = 0;

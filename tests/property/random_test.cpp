@@ -72,7 +72,8 @@ TEST(RandomDrives, RecoveredOrNamedWeak) {
 // Drives that stand, then move, seen through a coarse encoder and a noisy current: what is called valid while there are only few rows.
 struct First { int values = 0, far = 0, outside = 0, all = 0, all_far = 0; };
 
-void begin(uint64_t seed, First &tally) {
+// silence_s: the drive has moved before, and then was silent for so long.
+void begin(uint64_t seed, First &tally, double silence_s = 0) {
     plants::Rng g(seed * 7919);
     const double rate_Hz = plants::log_uniform(g, 250, 1000), h = 1 / rate_Hz, count = 6.2832 / plants::log_uniform(g, 4096, 131072);
     plants::Axis axis{plants::log_uniform(g, 1e-5, 1e-2), 0};
@@ -83,14 +84,15 @@ void begin(uint64_t seed, First &tally) {
     plants::AxisEstimator e(o);
     ASSERT_EQ(e.reason, "");
     int said[2] = {0, 0};
-    for (double t = 0; t < start_s + 3; t += h) {
-        const double tau = t < start_s ? 0 : strength * (std::sin(6.2832 * f * (t - start_s)) + 0.3 * std::sin(14 * (t - start_s)));
+    const double before_s = silence_s > 0 ? start_s + 3 : 0;
+    for (double t = -before_s; t < start_s + 3; t += h) {
+        const double tau = t >= 0 && t < start_s ? 0 : strength * (std::sin(6.2832 * f * (t - start_s)) + 0.3 * std::sin(14 * (t - start_s)));
         const double channel[2] = {std::round(axis.theta / count) * count, tau + noise * plants::gauss(g)};
-        driveid_estimator_update(e.get(), 1 + llround(t * 1e9), channel);
+        driveid_estimator_update(e.get(), 1 + llround((before_s + t + (t < 0 ? 0 : silence_s)) * 1e9), channel);
         axis.step(tau, h);
         driveid_estimate a{};
         const driveid_status s = driveid_estimator_estimate(e.get(), &a);
-        if (s != DRIVEID_OK && s != DRIVEID_WEAK_EXCITATION) continue;
+        if (t < 0 || (s != DRIVEID_OK && s != DRIVEID_WEAK_EXCITATION)) continue;
         for (int i = 0; i < 2; i++) {
             if (!(a.valid_mask >> i & 1)) continue;
             const double off = std::fabs(a.theta[i] - (i ? axis.B : axis.J)) / ((a.hi[i] - a.lo[i]) / 2);
@@ -100,10 +102,13 @@ void begin(uint64_t seed, First &tally) {
     }
 }
 
-TEST(RandomDrives, TheFirstValuesThatAreCalledValidHold) {
+class FirstValues : public testing::TestWithParam<double> {};
+INSTANTIATE_TEST_SUITE_P(AfterASilenceOf, FirstValues, testing::Values(0.0, 600.0, 3600.0)); // s
+
+TEST_P(FirstValues, ThatAreCalledValidHold) {
     First t;
     const int runs = 300;
-    for (uint64_t seed = 1; seed <= runs; seed++) begin(seed, t);
+    for (uint64_t seed = 1; seed <= runs; seed++) begin(seed, t, GetParam());
     std::printf("first values: %d, outside %.1f %%, beyond three half-widths %.1f %%; of all beyond three %.2f %%\n", t.values, 100.0 * t.outside / t.values, 100.0 * t.far / t.values,
                 100.0 * t.all_far / t.all);
     EXPECT_GT(t.values, 2 * runs * 9 / 10);

@@ -35,7 +35,7 @@ extern "C" {
 #endif
 
 /* One trustworthy answer. With DRIVEID_OK every parameter is valid. With DRIVEID_WEAK_EXCITATION and DRIVEID_RANK it is written too:
- * use theta[k] only where bit k of valid_mask is set; weak_mask names the parameters that these data cannot give. With DRIVEID_FROZEN the
+ * use theta[k] only where bit k of valid_mask is set; weak_mask names the parameters that these data cannot give; one in neither is not confirmed yet. With DRIVEID_FROZEN the
  * answer from before the rest is written, with the stamp it belongs to. With any other status nothing is written. */
 typedef struct driveid_estimate {
     int64_t t_ns;                      /* instant it belongs to */
@@ -44,7 +44,7 @@ typedef struct driveid_estimate {
     uint32_t samples;                  /* effective number behind it */
     uint32_t restarts;                 /* residual alarms so far */
     uint32_t params;
-    uint32_t valid_mask;               /* bit k: theta[k] is trustworthy */
+    uint32_t valid_mask;               /* bit k: theta[k] is trustworthy: its first values have been confirmed by those after them */
     uint32_t weak_mask;                /* bit k: theta[k] cannot be had from these data */
     double theta[DRIVEID_THETA_MAX];   /* SI */
     double lo[DRIVEID_THETA_MAX];      /* 95 % interval */

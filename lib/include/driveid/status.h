@@ -17,7 +17,7 @@ typedef enum driveid_status {
     DRIVEID_OK = 0,
 
     DRIVEID_NOT_YET = 1,         /* too little data since start, restart or gap */
-    DRIVEID_WEAK_EXCITATION = 2, /* the data do not move every parameter; see driveid_estimate.weak_mask */
+    DRIVEID_WEAK_EXCITATION = 2, /* the data do not move every parameter, or do not confirm it yet; see driveid_estimate.weak_mask */
     DRIVEID_RANK = 3,            /* parameters cannot be told apart with these data; see driveid_estimate.weak_mask */
     DRIVEID_FROZEN = 4,          /* the drive rests: parameters held, nothing learnt */
     DRIVEID_GAP = 5,             /* a gap in the stamps was handled: filters restarted */
