@@ -13,6 +13,7 @@
 #define APART 0.01         /* of the slope's square that nothing else explains: less is no independent motion */
 #define QUANTILE 2.262     /* 97.5 % of Student's t with 9 degrees */
 #define JOINED 0.01        /* of the sample time: what the joining of readings by parabolas leaves, the same in every group */
+#define WORST 0.25         /* of the sample time: a wider interval is that of a model which lacks something */
 #define LARGEST 0.7        /* times 1/pole: beyond it a slope does not stand for a shift */
 
 static int index_of(const driveid_watch *w, const char *name) {
@@ -87,7 +88,7 @@ static void answer(driveid_watch *w) {
     }
     for (int g = 0; g < WATCH_GROUPS; g++) square += (each[g] - mean) * (each[g] - mean);
     const double half = JOINED * w->dt_s + QUANTILE * sqrt((WATCH_GROUPS - 1.0) / WATCH_GROUPS * square);
-    if (half > 0.5 * w->dt_s || fabs(all) + half > LARGEST / w->column.pole_rad_s) return;
+    if (half > WORST * w->dt_s || fabs(all) + half > LARGEST / w->column.pole_rad_s) return;
     r->skew_known = 1;
     r->skew_s = -all;
     r->skew_half_s = half;

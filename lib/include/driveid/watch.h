@@ -49,7 +49,7 @@ typedef struct driveid_watch_report {
     const char *tie[DRIVEID_WATCH_TIES]; /* other effects that the recent motion does not tell from it */
     driveid_watch_regime regime;   /* that holds most of the excess */
     double rms, usual_rms;         /* of r, recent and usual, SI of the equation */
-    uint8_t skew_known;            /* the motion of the last minute tells it within half a sample time, either way */
+    uint8_t skew_known;            /* the motion of the last minute tells it within a quarter of a sample time, either way */
     double skew_s, skew_half_s;    /* readings of the driving signal are older than their stamps by this, beside those of the motion; half of the 95 % interval */
 } driveid_watch_report;
 
