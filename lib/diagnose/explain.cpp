@@ -229,7 +229,9 @@ Explanation explain(const driveid_model &model, const driveid_task &task, const 
     for (Prepared &p : *list) x.notices.insert(x.notices.end(), p.notices.begin(), p.notices.end());
   EquationSet set = make_equations(model, x.training, x.held_out);
   x.notices.insert(x.notices.end(), set.notices.begin(), set.notices.end());
-  for (Notice &n : implausible(set, model, "")) x.notices.push_back(std::move(n));
+  for (auto *list : {&x.training, &x.held_out})   // one by one: a wrong unit in one record is lost among the others
+    for (const Prepared &p : *list)
+      for (Notice &n : implausible(make_equations(model, {p}, {}), model, p.name)) x.notices.push_back(std::move(n));
   if (set.bad.empty()) set.bad = opposed(set, x.training, x.held_out);
   if (!set.bad.empty() || set.equation.empty()) {
     x.verdict = "bad_data";

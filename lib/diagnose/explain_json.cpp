@@ -53,7 +53,7 @@ double level_where(const Equation &e, bool held) {   // of the drive, for fit in
 
 // The equation that tells most stands for the model; the others are listed beside it.
 const Analysis *leading(const Explanation &x) {
-  const Analysis *best = nullptr;
+  const Analysis *best = x.analysis.empty() ? nullptr : &x.analysis.front();   // also where a score is no number
   double most = -1;
   for (const Analysis &a : x.analysis) {
     double gone = a.before.score.total > 0 ? a.removable / a.before.score.total : 0;
@@ -132,7 +132,6 @@ ordered_json explanation_json(const Explanation &x, const driveid_task &task, co
     before[key] = {{"equation", equation_error(*lead, lead->before, held)}};
     after[key] = {{"equation", equation_error(*lead, lead->after, held)}};
     if (options.errors) {
-      (void)task;
       before[key].update(simulated_errors(x.model, held ? x.held_out : x.training));
       after[key].update(x.added == 0 ? simulated_errors(x.model, held ? x.held_out : x.training) : simulated_errors(x.grown, held ? x.held_out : x.training));
     }

@@ -220,13 +220,11 @@ const Trial *choose_local(const std::vector<Trial> &trials) {
 }
 
 // A free run of a model that lacks much follows by values that are no drive's: those that upset the balance are not taken.
-const Trial *choose(const std::vector<Trial> &trials, const EquationSet &set, bool electrical) {
+const Trial *choose(const std::vector<Trial> &trials, const EquationSet &set, bool electrical, double limit) {
   const Trial *chosen = choose_local(trials);
-  double balanced = INFINITY;
-  for (const Trial &t : trials) balanced = std::min(balanced, balance_error(set, electrical, t.model));
   for (const Trial &t : trials) {
     if (t.objective.whiten || !std::isfinite(t.score) || (chosen && t.score >= chosen->score - kWorthIt)) continue;
-    if (chosen && balance_error(set, electrical, t.model) > kUpset * balanced) continue;
+    if (chosen && balance_error(set, electrical, t.model) > limit) continue;
     chosen = &t;
   }
   return chosen;
@@ -314,7 +312,12 @@ void refine_part(FitOutcome &outcome, const Part &part, const std::vector<batch:
     if (trials.empty()) trials = turn;
     else add_scores(trials, turn);
   }
-  const Trial *local = choose_local(trials), *chosen = choose(trials, set, part.mode == DRIVEID_SIM_ELECTRICAL);
+  const bool electrical = part.mode == DRIVEID_SIM_ELECTRICAL;
+  double limit = balance_error(set, electrical, balanced);
+  for (const Trial &t : trials) limit = std::min(limit, balance_error(set, electrical, t.model));
+  limit *= kUpset;
+  auto upset = [&](const driveid_model &model) { return balance_error(set, electrical, model) > limit; };   // also what the kept-aside stretches make of a trial
+  const Trial *local = choose_local(trials), *chosen = choose(trials, set, electrical, limit);
   outcome.model = chosen ? outcome.model : balanced;
   if (!chosen) return;
   std::optional<driveid_model> honest;
@@ -329,7 +332,8 @@ void refine_part(FitOutcome &outcome, const Part &part, const std::vector<batch:
   std::optional<driveid_model> best = honest;
   if (chosen != local) {
     best = chosen->objective.window_s < 0 ? balanced : fitted(*chosen);
-    if (best && honest && !leaves(*best, *honest, free)) best = honest, chosen = local;
+    if (best && upset(*best)) best = balanced;
+    if (best && honest && !upset(*honest) && !leaves(*best, *honest, free)) best = honest, chosen = local;
     else if (best && honest) widen_intervals(*best, free, *honest);
   }
   driveid_model other = balanced;
@@ -358,7 +362,7 @@ std::string unfit(const driveid_model &model, const std::vector<Part> &parts) {
     for (uint32_t k = 0; k < model.params; k++) {
       const driveid_param &p = model.param[k];
       if ((p.name[0] == 'J' || p.name[0] == 'm') && part.mode == DRIVEID_SIM_MECHANICAL && p.state == DRIVEID_PARAM_FREE && !(p.value > 0))
-        return std::string(p.name) + " came out negative: a column has the wrong sign (map it with a minus), or the motion has too little acceleration";
+        return std::string(p.name) + " came out negative: a column has the wrong sign (map it with a minus), the motion has too little acceleration, or a force that goes with the place is missing (driveid explain finds it)";
     }
   return "";
 }

@@ -69,6 +69,8 @@ ordered_json equation_set(const Analysis &a, const Solution &s, bool held) {
   return {{"rmse", rmse}, {"unit", e.unit}, {"signal", e.signal}, {"noise_floor", {std::min(a.floor.lo, a.floor.hi), a.floor.hi}}, {"fit_percent", level > 0 ? 100 * (1 - rmse / level) : 0}};
 }
 
+constexpr double kReached = 0.05;   // share of the removable error; what is below belongs to the floor's own bracket
+
 void copy_values(driveid_model &to, const driveid_model &from) {
   for (unsigned k = 0; k < to.params; ++k)
     for (unsigned m = 0; m < from.params; ++m)
@@ -123,13 +125,11 @@ ordered_json improve(const driveid_task &task, const Options &options, const Exp
       if (add_in_place(grown, r.effect.c_str(), reason, sizeof reason) == DRIVEID_OK) grown.effect[grown.effects - 1] = x.grown.effect[k];
     }
     copy_values(grown, x.grown);
-    const Analysis *home = lead;
     double share = 1;
     ordered_json training, held;
     for (const Analysis &a : x.analysis)
       for (std::size_t f = 0; f < a.found.size(); ++f)
         if (a.found[f].name == r.effect) {
-          home = &a;
           // the solution with this effect and the ones before it
           std::vector<Member> members;
           for (std::size_t m = 0; m < a.chosen.size(); ++m) {
@@ -142,7 +142,6 @@ ordered_json improve(const driveid_task &task, const Options &options, const Exp
           training = {{"equation", equation_set(a, s, false)}};
           held = {{"equation", equation_set(a, s, true)}};
         }
-    (void)home;
     history += "\n\n[[history]]\nstep = \"add " + r.effect + "\"";
     toml = written(grown, history.c_str());
     fitted = toml;
@@ -150,6 +149,8 @@ ordered_json improve(const driveid_task &task, const Options &options, const Exp
     entry(r.effect, parameters_json(r.parameters), fitted, training, held, share);
     steps.back()["not_told_apart_from"] = r.ties;
   }
+  const double left = steps.back()["share_left"];
+  if (any && !tie && left > kReached) ends = "unknown";   // what was added is not all that is missing
   j["verdict"] = x.verdict;
   j["steps"] = steps;
   j["ends"] = ends;
@@ -158,7 +159,10 @@ ordered_json improve(const driveid_task &task, const Options &options, const Exp
     if (r.accepted) j["ranked"].push_back({{"effect", r.effect}, {"share", r.share}, {"confidence", r.confidence}, {"parameters", parameters_json(r.parameters)}, {"not_told_apart_from", r.ties}});
   j["shape"] = x.verdict == "unknown" ? x.shape : ordered_json(nullptr);
   j["next_record"] = next_record(x);
-  j["notices"] = notices_json(x.notices);
+  std::vector<Notice> notices = x.notices;
+  for (Notice &n : notices)
+    if (n.kind == "chosen") n.text = "each effect was chosen among the catalogue by the same data; the intervals of the fit do not know of it (explain's do)";
+  j["notices"] = notices_json(notices);
   j["model_toml"] = fitted;
   return j;
 }

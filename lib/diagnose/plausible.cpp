@@ -49,8 +49,10 @@ std::vector<Notice> implausible(const EquationSet &set, const driveid_model &mod
       out.push_back({"sign", text, record});
     }
     if (factor > kFactor || factor < 1 / kFactor) {
-      std::snprintf(text, sizeof text, "the drive is %.4g times what the model's own values make of the motion%s; state the units in --map", factor, unit_guess(factor).c_str());
-      out.push_back({"units", text, record});
+      const std::string guess = unit_guess(factor);
+      std::snprintf(text, sizeof text, "the drive is %.4g times what the model's own values make of the motion%s", factor,
+                    guess.empty() ? ": they are not this drive's; fit it" : (guess + "; state the unit in --map").c_str());
+      out.push_back({guess.empty() ? "values" : "units", text, record});
     }
   }
   return out;

@@ -66,6 +66,24 @@ void notice_wrap_unit(const std::string &name, double period, std::vector<Notice
   notices.push_back({"units", name + text(" wraps at %.6g and not at a turn's 6.283 rad: it looks like ", period) + unit, ""});
 }
 
+// Steps that are large against the range and turn about at every other row: a sensor's noise, no turning.
+bool is_noise(const std::vector<double> &x, double range) {
+  std::vector<double> size;
+  double last = NAN, before = 0;
+  std::size_t turns = 0;
+  for (double v : x) {
+    if (!std::isfinite(v)) continue;
+    if (std::isfinite(last)) {
+      const double step = v - last;
+      turns += step * before < 0;
+      size.push_back(std::fabs(step));
+      before = step;
+    }
+    last = v;
+  }
+  return 2 * turns > size.size() && median_of(size) > 0.02 * range;
+}
+
 }  // namespace
 
 void unwrap(std::vector<double> &x, const std::string &name, std::vector<Notice> &notices) {
@@ -84,7 +102,7 @@ void unwrap(std::vector<double> &x, const std::string &name, std::vector<Notice>
   if (jumps.empty()) return;
   double period = kTwoPi;
   if (name.rfind("theta", 0) != 0 || range > 1.02 * kTwoPi || range < 0.55 * kTwoPi) {
-    if (jumps.size() < 3) return;      // one or two far jumps without a known period are glitches, not wraps
+    if (jumps.size() < 3 || is_noise(x, range)) return;      // one or two far jumps without a known period are glitches, not wraps
     period = wrap_period(range, range * (1 + 1.0 / double(x.size())));
     notice_wrap_unit(name, period, notices);
   }
@@ -133,7 +151,15 @@ std::size_t mend_lone_samples(std::vector<double> &x, double scale) {
   }
   if (found.size() > 12 && found.size() * 1000 > n) return 0;
   for (std::size_t k : found) x[k] = (4 * (x[k - 1] + x[k + 1]) - x[k - 2] - x[k + 2]) / 6;
-  return found.size();
+  std::size_t ends = 0;
+  for (int side = 0; side < 2 && n > 2 * reach; ++side) {   // the first and the last row have neighbours on one side only
+    const auto at = [&](std::size_t j) -> double & { return x[side ? n - 1 - j : j]; };
+    double around = 0;
+    for (std::size_t j = 1; j < reach; ++j) around = std::max(around, std::fabs(at(j) - 2 * at(j + 1) + at(j + 2)));
+    const double from = std::fabs(at(0) - 2 * at(1) + at(2));
+    if (from > 20 * scale && from > 6 * around) at(0) = 2 * at(1) - at(2), ++ends;
+  }
+  return found.size() + ends;
 }
 
 }  // namespace
@@ -238,7 +264,7 @@ void notice_clipping(const std::vector<double> &x, const std::string &name, cons
     for (std::size_t k = 0; k < x.size(); ++k) {
       bool here = x[k] == limit;
       at += here;
-      runs += here && k >= 2 && x[k - 1] == limit && x[k - 2] == limit;
+      runs += here && ((k && x[k - 1] == limit) || (k + 1 < x.size() && x[k + 1] == limit));
     }
     if (is_position(name) && !runs_into(x, limit, q.quantum)) continue;
     if (at > x.size() / 100 && runs > at / 2 && q.quantum < 0.02 * (q.hi - q.lo) && limit != 0)

@@ -47,7 +47,7 @@ void check_speed(Prepared &p, const std::string &pos, const std::string &vel) {
       if (std::fabs(std::fabs(ratio) / u.r - 1) < 0.1) guess = std::string("; it looks like ") + u.what;
     p.notices.push_back({"units", vel + text(" is %.4g times the derivative of ", ratio) + pos + guess + ": state the unit in --map", p.name});
   }
-  // sv = ratio * (dx - lag * acc)
+  // sv = ratio * dx - lag * (its own slope)
   double s11 = 0, s12 = 0, s22 = 0, y1 = 0, y2 = 0;
   for (std::size_t k = 0; k < a.size(); ++k) {
     s11 += a[k] * a[k]; s12 += a[k] * c[k]; s22 += c[k] * c[k];
@@ -55,8 +55,7 @@ void check_speed(Prepared &p, const std::string &pos, const std::string &vel) {
   }
   double det = s11 * s22 - s12 * s12;
   if (!(det > 1e-9 * s11 * s22)) return;
-  double g = (y1 * s22 - y2 * s12) / det, l = (y2 * s11 - y1 * s12) / det;
-  p.speed_lag_s = g != 0 ? -l / g * std::copysign(1.0, ratio) * (ratio < 0 ? -1 : 1) : 0;
+  p.speed_lag_s = (y1 * s12 - y2 * s11) / det;
   if (std::fabs(p.speed_lag_s) > 0.7 * p.dt_s)
     p.notices.push_back({"speed_lag", vel + text(" lags the derivative of the position by %.3g ms (%.1f samples); the position is used", 1e3 * p.speed_lag_s, p.speed_lag_s / p.dt_s), p.name});
 }

@@ -67,7 +67,7 @@ TEST(Explain, CoulombIsFoundWithItsSize) {
   EXPECT_NEAR(j["ranked"][0]["parameters"]["tau_c_Nm"]["value"].get<double>(), 0.012, 0.0012);   // a tenth: stiction rows are left out, noise is 1 % of rated
 }
 
-// Coulomb stands in the model, the drive has more: the richer law takes its place, in the answer and in the model that improve writes.
+// Coulomb stands in the model: a richer law takes its place there, it is not added beside it.
 TEST(Explain, RicherFrictionTakesThePlaceOfCoulomb) {
   char *toml = nullptr, message[200];
   ASSERT_EQ(driveid_add(new_model("rigid_axis", {"K_t_Nm_A=0.08"}).c_str(), "coulomb", &toml, message, sizeof message), DRIVEID_OK) << message;
