@@ -291,7 +291,7 @@ void Drive::report() {
             if (all && !withheld_ && first_trusted_s_ < 0) first_trusted_s_ = double(e.t_ns - first_ns_) * 1e-9;
         }
     }
-    follow_saturation(e.t_ns);
+    follow_saturation(last_ns_);
     follow_watch();
     listener_.on_report(index_);
 }
@@ -308,7 +308,7 @@ void Drive::residual_alarm(const driveid_estimate& e) {
     restarts_seen_ = e.restarts;
 }
 
-// Fixed point leaves a row out that is beyond what it can hold; where such are many, values are beyond their declared range, and it is bent for as long as it remembers them.
+// Fixed point clips what is beyond its range: where that is often, the parameters are bent for as long as it is remembered.
 void Drive::follow_saturation(int64_t t_ns) {
     const uint32_t saturations = driveid_estimator_saturations(estimator());
     if (saturations < saturations_) saturations_ = 0;  // it has begun anew

@@ -7,7 +7,7 @@
  * forgetting in information form, whose recursion integers do exactly. window, discrete: one window of 20/bandwidth.
  * Scaling: counts = value / range * 2^30; channels of which only derivatives are used may run through any number of turns, the counts then
  * wrap and only differences count; others saturate. A derivative's column is brought up by 3 bits an order (1 in windows): what moves faster than about
- * bandwidth/8 (bandwidth/2) at full range saturates, is counted, and its row is left out.
+ * bandwidth/8 (bandwidth/2) at full range is beyond its scale, and its row is left out.
  * Stamps: one sample time; a stamp off by more than an eighth of it is a gap. No libm, no floating-point filter in the update.
  * The sizes below may be made smaller by the build of a small target. */
 #ifndef DRIVEID_ESTIMATE_Q31_H
@@ -43,7 +43,8 @@ typedef struct q31_state {
     driveid_svf_common common;
     uint8_t kind, fresh, forget_shift, coarse; /* fresh: initial conditions are regressors */
     uint8_t level[DRIVEID_CHANNELS_MAX];
-    uint32_t row_every, row_left, saturations;
+    uint32_t row_every, row_left;
+    uint32_t saturations, rows_left_out; /* of readings and filter states, which bend what follows; rows beyond their scale, which do not */
     int64_t settled_ns;
     double count_per_SI[DRIVEID_CHANNELS_MAX];
     double scale[DRIVEID_EQUATIONS_MAX][FSM_COLUMNS_MAX]; /* SI of one unit of a row's column */

@@ -176,16 +176,17 @@ static int64_t value_of(const q31_state *self, unsigned term) {
 int q31_row(q31_state *self, unsigned e, int32_t *row) {
     const driveid_regression *r = &self->common.regression;
     const fsm_equation *q = &self->common.equation[e];
-    const uint32_t before = self->saturations;
+    uint32_t beyond = 0;
     int64_t sum[FSM_COLUMNS_MAX] = {0};
     if (self->kind >= Q31_WINDOW && self->fill <= self->length) return 0;
     for (unsigned i = 0; i < r->terms; i++) {
         const driveid_term *t = &r->term[i];
         if (t->equation != e) continue;
-        const int32_t value = fixed_saturate(value_of(self, i), &self->saturations);
+        const int32_t value = fixed_saturate(value_of(self, i), &beyond);
         sum[t->param < 0 ? q->columns - 1u : q->place[t->param]] += fixed_round((int64_t)value * self->gain[i], self->shift[i]);
     }
     for (unsigned i = 0; i < q->order && self->fresh; i++) sum[q->params + i] = newton(self->w[r->channels], self->common.sections, i);
-    for (unsigned i = 0; i < q->columns; i++) row[i] = fixed_saturate(sum[i], &self->saturations);
-    return self->saturations == before;
+    for (unsigned i = 0; i < q->columns; i++) row[i] = fixed_saturate(sum[i], &beyond);
+    self->rows_left_out += beyond > 0;
+    return beyond == 0;
 }

@@ -16,7 +16,7 @@
  *             DRIVEID_DUPLICATE, DRIVEID_ERR_TIME, DRIVEID_ERR_VALUE   the sample was ignored, nothing changed
  *           estimate: see driveid_estimate below. configure: DRIVEID_ERR_CONFIG and a sentence, DRIVEID_ERR_CAPACITY: storage too small.
  * Fixed point  fsm, window, discrete, rls: per unit of options.range in Q30, coefficients Q31, rows int32, sums Q46 in int64, rounding; saturations
- *           counted (driveid_estimator_saturations), a saturated row left out. One sample time. Orders that rounding rules out are refused.
+ *           of readings counted (driveid_estimator_saturations), a row beyond its scale left out. One sample time. Orders that rounding rules out are refused.
  * Cost      docs/benchmark-estimator.md (driveid-bench-estimator, tools/bench): below half a microsecond a sample at 1 kHz for two parameters, solves included;
  *           state up to 163 kB, of which a rigid axis touches about 25 kB; stack below 25 kB ("window", "discrete" and q31: below 64 kB). Many drives: fleet.h.
  * Accuracy  docs/intervals.md (coverage, width over the Cramer-Rao bound); tests/property: online_test, excitation_test, day_test; f32 against
@@ -95,7 +95,7 @@ void driveid_estimator_restart(driveid_estimator *self);
 /* q31 only: samples as a converter gives them, value / range * 2^30 (a channel of which only derivatives are used may wrap). The same numbers
  * as update gives, bit by bit, on host and target. */
 driveid_status driveid_estimator_update_counts(driveid_estimator *self, int64_t t_ns, const int32_t *count);
-/* q31: values beyond their range so far. 0 for the other types. */
+/* q31: readings beyond their range and clipped filter states so far, which bend the parameters (rows left out do not). 0 for the other types. */
 uint32_t driveid_estimator_saturations(const driveid_estimator *self);
 
 #ifdef __cplusplus
