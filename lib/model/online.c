@@ -336,13 +336,17 @@ static double inductance(double apparent, double r, double dt_s) {
     return c > 1e-6 && c < 0.999 ? 0.5 * r * dt_s / atanh(c) : apparent;
 }
 
-static int held_voltage(const driveid_online *o) {
+/* The current bends between its readings where the voltage is held; means over the same intervals need no correction, whatever happens inside. */
+static int current_bends(const driveid_online *o) {
+    int held = 0, instants = 0;
     for (unsigned c = 0; c < o->regression.channels; c++) {
         const driveid_online_channel *f = &o->filler[c];
-        const int voltage = f->a == DRIVEID_SIGNAL_V_V || f->a == DRIVEID_SIGNAL_V_D_V || f->a == DRIVEID_SIGNAL_V_Q_V;
-        if (f->kind == ONLINE_SIGNAL && voltage && o->regression.hold[c] != DRIVEID_HOLD_FIRST) return 1;
+        if (f->kind != ONLINE_SIGNAL) continue;
+        const uint8_t hold = o->regression.hold[c];
+        held |= hold == DRIVEID_HOLD_ZERO && (f->a == DRIVEID_SIGNAL_V_V || f->a == DRIVEID_SIGNAL_V_D_V || f->a == DRIVEID_SIGNAL_V_Q_V);
+        instants |= hold == DRIVEID_HOLD_FIRST && (f->a == DRIVEID_SIGNAL_I_A || f->a == DRIVEID_SIGNAL_I_D_A || f->a == DRIVEID_SIGNAL_I_Q_A);
     }
-    return 0;
+    return held && instants;
 }
 
 static double resistance(const driveid_online *o, const driveid_estimate *e) {
@@ -372,7 +376,7 @@ driveid_status driveid_online_physical(const driveid_online *online, const drive
         out[i].hi = estimate->hi[i];
         const char *name = online->physical_name[i];
         const int is_l = strcmp(name, "L_H") == 0 || strcmp(name, "L_d_H") == 0 || strcmp(name, "L_q_H") == 0;
-        if (is_l && (estimate->valid_mask >> i & 1) && held_voltage(online)) correct_inductance(online, estimate, i, &out[i]);
+        if (is_l && (estimate->valid_mask >> i & 1) && current_bends(online)) correct_inductance(online, estimate, i, &out[i]);
     }
     *valid_mask = estimate->valid_mask;
     return DRIVEID_OK;

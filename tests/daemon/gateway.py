@@ -12,7 +12,8 @@ import time
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-DAEMON = Path(os.environ.get("DRIVEIDD", Path(os.environ.get("DRIVEID_BUILD", ROOT / "build")) / "daemon/driveidd"))
+BUILD = Path(os.environ.get("DRIVEID_BUILD", ROOT / "build"))
+DAEMON = Path(os.environ.get("DRIVEIDD", BUILD / "daemon/driveidd"))
 SLOW = float(os.environ.get("DRIVEID_SLOW", "1"))  # a sanitizer's build takes so many times longer
 J, B, K_T = 2e-4, 1e-3, 0.05
 COUNTS = 1 << 20

@@ -51,7 +51,8 @@ std::vector<FrameLayout> default_layout(const Setup &setup, const LayoutOptions 
     const auto &d = setup.drive;
     const int i_bits = options.fd ? 32 : 16;
     const bool dc = d.structure.rfind("dc_", 0) == 0 || d.linear;
-    Field current = field(dc ? "i_A" : "i_q_A", "A", i_bits, 4 * d.I_rated, &Reading::i, setup.sensors.average ? "average" : "instant");
+    const char *held = setup.sensors.average ? "average" : "instant";
+    Field current = field(dc ? "i_A" : "i_q_A", "A", i_bits, 4 * d.I_rated, &Reading::i, held);
     Field angle;
     angle.signal = d.linear ? "x_m" : "theta_rad"; angle.unit = d.linear ? "m" : "rad"; angle.length = 32; angle.value = &Reading::q;
     if (d.linear) angle.scale = 1 / d.counts;
@@ -62,7 +63,7 @@ std::vector<FrameLayout> default_layout(const Setup &setup, const LayoutOptions 
     FrameLayout b{"drive_voltage", options.id + 0x100, options.fd, 8, {}};
     if (d.pmsm)
         b.fields = {field("v_d_V", "V", i_bits, 1.2 * d.V_bus, &Reading::v_d, "average"), field("v_q_V", "V", i_bits, 1.2 * d.V_bus, &Reading::v, "average"),
-                    field("i_d_A", "A", i_bits, 4 * d.I_rated, &Reading::i_d), field("T_degC", "degC", 16, 300, &Reading::T)};
+                    field("i_d_A", "A", i_bits, 4 * d.I_rated, &Reading::i_d, held), field("T_degC", "degC", 16, 300, &Reading::T)};
     else
         b.fields = {field("v_V", "V", i_bits, 1.2 * d.V_bus, &Reading::v, "average"), field("T_degC", "degC", 16, 300, &Reading::T),
                     field(d.linear ? "v_m_s" : "omega_rad_s", d.linear ? "m/s" : "rad/s", 32, 3 * d.w_max, &Reading::w)};
