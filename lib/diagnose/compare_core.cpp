@@ -80,7 +80,7 @@ Eigen::VectorXd equation_residual(const Equation &e, const driveid_model &model)
     const Candidate *c = find(use.name);
     if (!c) continue;
     const std::vector<double> p = params_of(use);
-    take_off(e, *c, shape_of(e, *c, p, nominal.inertia), linear_of(e, *c, p), nominal, residual);
+    take_off(e, *c, shape_of(e, *c, p), linear_of(e, *c, p), nominal, residual);
   }
   if (model.structure == DRIVEID_STRUCTURE_TWO_MASS_AXIS && !e.electrical)
     if (const Candidate *c = find("compliance")) {
@@ -88,7 +88,7 @@ Eigen::VectorXd equation_residual(const Equation &e, const driveid_model &model)
       const std::vector<double> p{value_in(model, per_ampere ? "J_l_As2_rad" : "J_l_kgm2"), value_in(model, per_ampere ? "k_A_rad" : "k_Nm_rad"), value_in(model, per_ampere ? "d_As_rad" : "d_Nms_rad")};
       const Eigen::VectorXd load = Eigen::VectorXd::Constant(1, p[0]);
       residual -= p[0] * e.base.col(0);   // the base column is the whole inertia's
-      take_off(e, *c, shape_of(e, *c, p, 0), load, nominal, residual);
+      take_off(e, *c, shape_of(e, *c, p), load, nominal, residual);
     }
   return residual;
 }

@@ -205,8 +205,7 @@ bool lawful(const Equation &e, const Candidate &c, const std::vector<double> &sh
   return true;
 }
 
-std::vector<double> shape_of(const Equation &e, const Candidate &c, const std::vector<double> &p, double inertia) {
-  (void)inertia;
+std::vector<double> shape_of(const Equation &e, const Candidate &c, const std::vector<double> &p) {
   if (is(c, "delay")) return {p[0]};
   if (is(c, "encoder_eccentricity")) return {};
   if (is(c, "compliance")) return {std::sqrt(std::max(1e-12, p[1] / p[0])), std::max(1e-4, p[2] / (2 * std::sqrt(std::max(1e-300, p[1] * p[0]))))};

@@ -48,7 +48,7 @@ Term realise(const Equation &equation, const Candidate &candidate, const std::ve
 // Published parameters from shapes and linear coefficients; base = coefficients of the nominal columns in the same solution.
 std::vector<double> publish(const Equation &equation, const Candidate &candidate, const std::vector<double> &shape, const Eigen::VectorXd &linear);
 bool lawful(const Equation &equation, const Candidate &candidate, const std::vector<double> &shape, const Eigen::VectorXd &linear, double inertia);
-std::vector<double> shape_of(const Equation &equation, const Candidate &candidate, const std::vector<double> &published, double inertia);
+std::vector<double> shape_of(const Equation &equation, const Candidate &candidate, const std::vector<double> &published);
 bool subsumes(const Candidate &a, const Candidate &b);
 
 // Samples of the drive that a dead zone of this threshold is judged by.

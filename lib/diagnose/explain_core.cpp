@@ -329,7 +329,7 @@ Analysis analyse(Equation equation, const driveid_model &model, const Settings &
     for (unsigned p = 0; p < use->params; ++p) published.push_back(use->param[p].value), set &= use->param[p].state != DRIVEID_PARAM_UNSET;
     if (c.axis.empty()) kept.push_back(m);
     else if (set && c.info && published.size() >= c.info->params) {
-      m.shape = shape_of(search.equation(), c, published, search.nominal().inertia);
+      m.shape = shape_of(search.equation(), c, published);
       Option o = search.refine(index, kept, m.shape);
       if (o.possible) m.shape = o.shape;
       kept.push_back(m);

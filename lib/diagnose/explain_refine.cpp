@@ -48,16 +48,6 @@ double simultaneous(std::size_t among) {
 
 }  // namespace
 
-bool Search::sound(const std::vector<Member> &members) const {
-  const Solution s = solve(members);
-  for (std::size_t m = 0; m < members.size(); ++m) {
-    const Candidate &c = candidates_[std::size_t(members[m].candidate)];
-    const Term t = realise(full_, c, members[m].shape, nominal_);
-    if (!members[m].kept && !lawful(full_, c, members[m].shape, t.drive_part.size() ? Eigen::VectorXd(s.linear[m] / drive_factor(t, s.linear[m])) : s.linear[m], inertia(s))) return false;
-  }
-  return true;
-}
-
 double widen_for_choice(Explanation &x) {
   std::size_t among = 1;
   for (const Analysis &a : x.analysis) among = std::max(among, a.search->candidates().size());

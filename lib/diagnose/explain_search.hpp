@@ -52,6 +52,8 @@ struct Solution {
   Eigen::VectorXd white;                     // whitened residual
 };
 
+void put_beside(Eigen::MatrixXd &a, const Eigen::MatrixXd &b);   // b as further columns of a
+
 class Search {
  public:
   Search(Equation equation, std::vector<Candidate> candidates, int threads);

@@ -72,7 +72,7 @@ std::vector<Candidate> own_candidates(const Equation &e, const driveid_model &mo
 
 std::vector<double> start_shape(const Equation &e, const driveid_effect_use &use, const Candidate &c) {
   if (!has_values(use)) return {};
-  return use.formula[0] ? formula_shape(use) : shape_of(e, c, values_of(use), 0);
+  return use.formula[0] ? formula_shape(use) : shape_of(e, c, values_of(use));
 }
 
 void place(Search &search, const Equation &e, const driveid_model &model, const std::vector<int> &of_effect, int second_mass, std::vector<Placed> &placed) {
