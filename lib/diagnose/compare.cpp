@@ -3,6 +3,7 @@
 
 #include "diagnose/compare_core.hpp"
 #include "diagnose/fit_task.hpp"
+#include "diagnose/standstill.hpp"
 
 namespace driveid::diagnose {
 namespace {
@@ -45,6 +46,7 @@ void compare(Task &task, ordered_json &document) {
       driveid_model here = model;
       if (!adopt_frame(here, record, reason) || driveid_model_frame(&here) != driveid_model_frame(&model))
         throw BadData(record.name + ": " + (reason.empty() ? "its columns give the parameters other units than the model has; fit the model to this kind of record" : reason));
+      if (const std::string still = standstill(record, roles_of(model, record)); !still.empty()) throw BadData(record.name + ": " + still);
       const Compared c = compare_record(model, record);
       if (c.errors.free_run.rmse < 0 && c.errors.equation.rmse < 0) throw BadData(record.name + ": no column lets this model be compared");
       for (const auto &n : notices_json(c.notices)) document["notices"].push_back(n);

@@ -5,6 +5,7 @@
 #include <cstring>
 
 #include "diagnose/equation_build.hpp"
+#include "diagnose/standstill.hpp"
 
 namespace driveid::diagnose {
 namespace {
@@ -159,11 +160,9 @@ EquationSet make_equations(const driveid_model &model, const std::vector<Prepare
     bool ready = motion();
     for (const Source &s : sources) ready &= !s.roles.input.empty();
     if (ready) {
-      const SignalQuality &in = sources[0].record->quality.at(sources[0].roles.input);
-      const std::string moving = sources[0].roles.position.empty() ? sources[0].roles.speed : sources[0].roles.position;
-      if (in.constant) set.bad = sources[0].roles.input + " never changes: record a motion with accelerations in both directions";
-      else if (sources[0].record->quality.at(moving).constant) set.bad = moving + " never changes: the axis does not move in this record; record a motion";
-      else {
+      for (const Source &s : sources)
+        if (const std::string still = standstill(*s.record, s.roles); set.bad.empty() && !still.empty()) set.bad = s.record->name + ": " + still;
+      if (set.bad.empty()) {
         Equation e = mechanical(model, sources, gain, set.notices);
         if (e.rows >= 60) set.equation.push_back(std::move(e));
         else if (set.equation.empty()) set.bad = "too little motion for an equation: record at least some seconds with accelerations in both directions";

@@ -21,8 +21,10 @@ struct Raw {
 };
 
 // Strictly increasing stamps; duplicates and steps back are dropped and counted.
-Raw ordered(const driveid_record &r, std::vector<Notice> &notices) {
+Raw ordered(driveid_record r, std::vector<Notice> &notices) {
   Raw raw;
+  const std::vector<std::int64_t> spread = spread_stamps(r, notices);
+  if (!spread.empty()) r.t_ns = spread.data();
   std::vector<std::size_t> keep;
   std::size_t duplicates = 0, back = 0;
   std::int64_t last = 0;
@@ -91,6 +93,16 @@ double interpolate(const std::vector<double> &t, const std::vector<double> &x, s
 }
 
 }  // namespace
+
+Piece Piece::part(std::size_t from, std::size_t to, double dt_s) const {
+  const auto a = std::ptrdiff_t(from), b = std::ptrdiff_t(to);
+  Piece cut;
+  cut.t0_s = t0_s + double(from) * dt_s;
+  cut.n = to - from;
+  for (const auto &[name, x] : signal) cut.signal[name].assign(x.begin() + a, x.begin() + b);
+  cut.filled.assign(filled.begin() + a, filled.begin() + b);
+  return cut;
+}
 
 Roles roles_of(const driveid_model &model, const Prepared &record) {
   Roles r;
@@ -246,12 +258,7 @@ Prepared prepare(const driveid_record &record, const driveid_model &model) {
       for (; next < seen + double(piece.n); next += spacing) {
         std::size_t a = std::size_t(std::max(0.0, next - seen)), b = std::min(piece.n, a + stretch);
         if (b - a < 400) continue;
-        Piece cut;
-        cut.t0_s = piece.t0_s + double(a) * dt;
-        cut.n = b - a;
-        for (auto &[name, x] : piece.signal) cut.signal[name].assign(x.begin() + std::ptrdiff_t(a), x.begin() + std::ptrdiff_t(b));
-        cut.filled.assign(piece.filled.begin() + std::ptrdiff_t(a), piece.filled.begin() + std::ptrdiff_t(b));
-        kept.push_back(std::move(cut));
+        kept.push_back(piece.part(a, b, dt));
       }
       seen += double(piece.n);
     }
@@ -262,8 +269,8 @@ Prepared prepare(const driveid_record &record, const driveid_model &model) {
     p.bad = "no stretch of 40 rows without a gap: record without interruptions";
     return p;
   }
-  for (auto &[name, x] : raw.column) {
-    (void)x;
+  for (const auto &column : raw.column) {
+    const std::string &name = column.first;
     std::vector<double> joined;
     for (auto &piece : p.pieces) {
       const auto &v = piece.signal[name];
@@ -281,6 +288,7 @@ Prepared prepare(const driveid_record &record, const driveid_model &model) {
     }
     p.quality[name] = q;
   }
+  take_out_clipped(p, model);
   Roles roles = roles_of(model, p);
   if (!roles.position.empty() && !roles.speed.empty()) check_speed(p, roles.position, roles.speed);
   if (roles.position.empty() && !roles.speed.empty())

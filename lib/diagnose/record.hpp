@@ -24,6 +24,7 @@ struct Piece {
   std::size_t n = 0;
   std::map<std::string, std::vector<double>> signal;
   std::vector<unsigned char> filled;  // 1 where the sample was interpolated (row lost)
+  Piece part(std::size_t from, std::size_t to, double dt_s) const;
 };
 
 struct SignalQuality {
@@ -31,6 +32,7 @@ struct SignalQuality {
   double quantum = 0; // quantisation step, 0 where none was seen
   double lo = 0, hi = 0;
   bool constant = false;
+  bool clipped[2] = {false, false};   // stands at lo, at hi
 };
 
 struct Prepared {

@@ -66,14 +66,14 @@ void notice_wrap_unit(const std::string &name, double period, std::vector<Notice
   notices.push_back({"units", name + text(" wraps at %.6g and not at a turn's 6.283 rad: it looks like ", period) + unit, ""});
 }
 
-// Steps that are large against the range and turn about at every other row: a sensor's noise, no turning.
+// Steps that are large against the range and every other of them back: a sensor's noise, no turning.
 bool is_noise(const std::vector<double> &x, double range) {
   std::vector<double> size;
   double last = NAN, before = 0;
   std::size_t turns = 0;
   for (double v : x) {
     if (!std::isfinite(v)) continue;
-    if (std::isfinite(last)) {
+    if (std::isfinite(last) && v != last) {
       const double step = v - last;
       turns += step * before < 0;
       size.push_back(std::fabs(step));
@@ -256,19 +256,33 @@ bool runs_into(const std::vector<double> &x, double limit, double quantum) {
 
 }  // namespace
 
-void notice_clipping(const std::vector<double> &x, const std::string &name, const SignalQuality &q, std::vector<Notice> &notices) {
-  if (q.constant || x.size() < 200) return;
+namespace {
+
+struct Standing { std::size_t rows = 0, in_runs = 0; };
+
+Standing standing(const std::vector<double> &x, double limit) {
+  Standing s;
+  for (std::size_t k = 0; k < x.size(); ++k) {
+    const bool here = x[k] == limit;
+    s.rows += here;
+    s.in_runs += here && ((k && x[k - 1] == limit) || (k + 1 < x.size() && x[k + 1] == limit));
+  }
+  return s;
+}
+
+}  // namespace
+
+void notice_clipping(const std::vector<double> &x, const std::string &name, SignalQuality &q, std::vector<Notice> &notices) {
+  if (q.constant || x.size() < 200 || q.quantum >= 0.02 * (q.hi - q.lo)) return;
+  const Standing at[2] = {standing(x, q.lo), standing(x, q.hi)};
+  const bool alike = q.lo == -q.hi;   // a sensor's range: both of its ends count
   for (int side = 0; side < 2; ++side) {
-    double limit = side ? q.hi : q.lo;
-    std::size_t at = 0, runs = 0;
-    for (std::size_t k = 0; k < x.size(); ++k) {
-      bool here = x[k] == limit;
-      at += here;
-      runs += here && ((k && x[k - 1] == limit) || (k + 1 < x.size() && x[k + 1] == limit));
-    }
+    const double limit = side ? q.hi : q.lo;
     if (is_position(name) && !runs_into(x, limit, q.quantum)) continue;
-    if (at > x.size() / 100 && runs > at / 2 && q.quantum < 0.02 * (q.hi - q.lo) && limit != 0)
-      notices.push_back({"clipped", name + text(" stands at its limit %.6g in %.1f %% of the rows: clipped or saturated", limit, 100.0 * double(at) / double(x.size())), ""});
+    const std::size_t rows = at[side].rows + (alike ? at[1 - side].rows : 0);
+    if (!(rows > x.size() / 100 && at[side].in_runs > at[side].rows / 2 && limit != 0)) continue;
+    q.clipped[side] = true;
+    notices.push_back({"clipped", name + text(" stands at its limit %.6g in %.1f %% of the rows: clipped or saturated", limit, 100.0 * double(at[side].rows) / double(x.size())), ""});
   }
 }
 

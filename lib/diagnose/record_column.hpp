@@ -2,6 +2,8 @@
 // What is looked for, mended and noticed in one column of a record, before its time is.
 #pragma once
 
+#include <cstdint>
+
 #include "diagnose/record.hpp"
 
 namespace driveid::diagnose {
@@ -16,9 +18,15 @@ void unwrap(std::vector<double> &x, const std::string &name, std::vector<Notice>
 void mend_glitches(std::vector<double> &x, const std::string &name, std::vector<Notice> &notices);
 SignalQuality quality_of(const std::vector<double> &x);
 
+// Several samples of one stamp: it has too few digits. The rows between two gaps are then taken as evenly spaced; empty: not so.
+std::vector<std::int64_t> spread_stamps(const driveid_record &record, std::vector<Notice> &notices);
+
 // Limits, steps and units that a column shows by itself.
-void notice_clipping(const std::vector<double> &x, const std::string &name, const SignalQuality &q, std::vector<Notice> &notices);
+void notice_clipping(const std::vector<double> &x, const std::string &name, SignalQuality &q, std::vector<Notice> &notices);
 void notice_steps(const std::string &name, const SignalQuality &q, std::vector<Notice> &notices);
+
+// Rows that a clipped column falsifies become gaps.
+void take_out_clipped(Prepared &record, const driveid_model &model);
 
 // A speed column against the derivative of the angle: sign, unit and lag.
 void check_speed(Prepared &record, const std::string &position, const std::string &speed);

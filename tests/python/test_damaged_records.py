@@ -2,11 +2,15 @@
 """The shipped record, damaged as loggers damage records: the answers stay those of the whole record, or say what is wrong with it."""
 
 import csv
+import gzip
+import subprocess
+import sys
 from pathlib import Path
 
 import driveid
 import numpy as np
 import pytest
+from driveid.views.workbench.projects import bundled_example
 
 HERE = Path(__file__).resolve().parents[1] / "golden/readme"
 AXIS = driveid.Model.new("rigid_axis", K_t_Nm_A=0.042)
@@ -65,7 +69,9 @@ def test_the_noise_of_an_axis_at_rest_does_not_wrap(tmp_path):
     def rest(columns):
         columns["theta_rad"] = 1e-4 * np.random.default_rng(1).normal(size=len(columns["t_s"]))
 
-    assert "unwrapped" not in kinds(driveid.compare(AXIS, damaged(tmp_path, rest)))
+    with pytest.raises(driveid.DataError, match="does not move") as refused:
+        driveid.compare(AXIS, damaged(tmp_path, rest))
+    assert "unwrapped" not in {notice["kind"] for notice in refused.value.document["notices"]}
 
 
 def test_a_current_cut_off_in_short_runs_is_said(tmp_path):
@@ -135,3 +141,85 @@ def test_improve_says_unknown_where_much_is_left(tmp_path):
     improved = driveid.improve(driveid.Model.new("rigid_axis", K_t_Nm_A=0.05), records[0], held_out=records[1])
     assert improved.document["steps"][-1]["share_left"] > 0.05
     assert improved.ends == "unknown"
+
+
+def still(columns, rows):
+    columns["theta_rad"] = 1e-4 * np.random.default_rng(1).normal(size=rows)
+
+
+def holding(columns, rows):
+    """A servo that goes to and fro over some counts about its place."""
+    columns["theta_rad"] = np.round(0.6 * np.random.default_rng(1).normal(size=rows)) * 2 * np.pi / 8192
+
+
+def still_by_its_speed(columns, rows):
+    del columns["theta_rad"]
+    columns["omega_rad_s"] = 0.01 * np.random.default_rng(1).normal(size=rows)
+
+
+def undriven(columns, rows):
+    columns["i_A"] = 0.01 * np.random.default_rng(1).normal(size=rows)
+
+
+@pytest.mark.parametrize("ask", [driveid.fit, driveid.compare, driveid.explain, driveid.improve])
+@pytest.mark.parametrize("change", [still, holding, still_by_its_speed, undriven])
+def test_a_record_that_says_nothing_is_refused_with_what_to_record(tmp_path, whole, change, ask):
+    record = damaged(tmp_path, lambda columns: change(columns, len(columns["t_s"])))
+    with pytest.raises(driveid.DataError, match="run1.csv: .*record a motion with accelerations") as refused:
+        ask(whole.model, record)
+    assert refused.value.document["verdict"] == "bad_data"
+
+
+def test_stamps_with_too_few_digits_are_said_and_spread(tmp_path, whole):
+    def round_stamps(columns):
+        columns["t_s"] = np.round(columns["t_s"], 2)  # rows are 4 ms apart
+
+    fit = driveid.fit(AXIS, damaged(tmp_path, round_stamps))
+    assert any(n["kind"] == "stamps" and "too few digits" in n["text"] and "4.00" in n["text"] for n in fit.document["notices"])
+    for name in ("J_kgm2", "B_Nms_rad"):
+        low, high = whole.parameters[name].interval
+        assert abs(fit.parameters[name].value - whole.parameters[name].value) < 0.1 * (high - low)
+
+
+def cut_example(folder, share):
+    """The bundled example with its current cut off by a sensor whose range leaves out so many of the rows."""
+    rows = list(csv.reader(gzip.open(bundled_example().training[0], "rt")))
+    columns = {key: np.array([float(row[k]) for row in rows[1:]]) for k, key in enumerate(rows[0])}
+    limit = np.quantile(np.abs(columns["i_A"]), 1 - share)
+    columns["i_A"] = np.clip(columns["i_A"], -limit, limit)
+    np.savetxt(folder / "cut.csv", np.column_stack(list(columns.values())), delimiter=",", header=",".join(columns), comments="")
+    return driveid.read(folder / "cut.csv")
+
+
+def test_rows_that_the_current_sensor_cut_off_are_taken_out_of_the_fit(tmp_path):
+    model = driveid.Model(bundled_example().model_toml).add("coulomb").add("cogging")
+    fit = driveid.fit(model, cut_example(tmp_path, 0.03))
+    assert any(n["kind"] == "clipped" and "rows are taken out" in n["text"] for n in fit.document["notices"])
+    assert fit.parameters["J_kgm2"].value == pytest.approx(1.452964e-4, rel=0.04)  # the truth; 0.93 of it where they stay
+
+
+def test_an_actuator_at_its_own_limit_is_believed(tmp_path):
+    random, (J, B, K_t), dt, fine = np.random.default_rng(5), (1.2e-4, 3e-4, 0.05), 2e-3, 10
+    wanted = 0.4 * np.repeat(random.normal(size=80), 50)
+    i_A = np.clip(wanted, -0.3, 0.3)
+    theta, omega, angles = 0.0, 0.0, []
+    for i in i_A:
+        angles.append(theta)
+        for _ in range(fine):
+            omega += (K_t * i - B * omega) / J * dt / fine
+            theta += omega * dt / fine
+    step = 2 * np.pi / 65536
+    np.savetxt(tmp_path / "limit.csv", np.column_stack([np.arange(len(i_A)) * dt, i_A, np.round(np.array(angles) / step) * step]), delimiter=",", header="t_s,i_A,theta_rad", comments="")
+    fit = driveid.fit(driveid.Model.new("rigid_axis", K_t_Nm_A=K_t), driveid.read(tmp_path / "limit.csv"))
+    said = [n["text"] for n in fit.document["notices"] if n["kind"] == "clipped"]
+    assert said and not any("cut off" in text for text in said), said
+    assert fit.parameters["J_kgm2"].value == pytest.approx(J, rel=0.02)
+
+
+def test_the_model_is_written_although_nobody_reads_the_table(tmp_path):
+    (tmp_path / "axis.toml").write_text(AXIS.toml)
+    run = subprocess.Popen([sys.executable, "-c", "from driveid.cli import main; main()", "fit", tmp_path / "axis.toml", HERE / "run1.csv", "-o", tmp_path / "fitted.toml"],
+                           stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+    run.stdout.close()
+    run.wait(timeout=120)
+    assert "J_kgm2" in (tmp_path / "fitted.toml").read_text()

@@ -57,12 +57,11 @@ def _command(name: str, output_help: str | None, **extra):
             except DataError as e:
                 _refuse(ctx, e, json_file, html_file)
             write_document(json_file, answer.document)
-            console = stdout_console(json_file, output)
-            finish(answer, console)
-            if output_help is not None:
+            if output_help is not None:   # files first: a reader of the table may close the pipe
                 _write_fitted(answer, output)
             if html_file:
                 _report(answer, model, [*training, *aside], html_file)
+            finish(answer, stdout_console(json_file, output))
             ctx.exit(ANSWER)
         if output_help is not None:
             run.params.append(click.Option(["-o", "--output"], metavar="FILE", help=output_help))
