@@ -9,6 +9,7 @@ import struct
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 import sessions
@@ -188,6 +189,30 @@ def test_interface_removed_and_back(gateway):
     send("vcan0", 50, 50)
     status = gateway.until(lambda s: bus(s)["frames"] == 100, 10, "frames of the new interface")
     assert bus(status)["used"] == 100 and axis(status)["gaps"] >= 1
+
+
+def test_half_open_tcp(gateway):
+    """The Modbus peer is gone without a FIN that arrives: the connection stays established on this side alone, and a new peer at the same address knows nothing of it."""
+    peer = ("--seed", 6, "--rate", 250, "--bus", "modbus:127.0.0.1:5020")
+    program = gateway.simulate(*peer)
+    gateway.listen()
+    gateway.until(lambda s: any(p["valid"] for p in axis(s)["parameters"]), 60, "a trusted parameter")
+    subprocess.run(["tc", "qdisc", "add", "dev", "lo", "root", "netem", "loss", "100%"], check=True)
+    try:
+        program.kill()  # its FIN is lost
+        program.wait()
+        gateway.programs.running.remove(program)
+        status = gateway.until(lambda s: axis(s)["state"] == "stale" and not any(p["valid"] for p in axis(s)["parameters"]), 15, "no stale value stays valid")
+        assert bus(status)["last_error"]
+        open_here = [line for line in Path("/proc/net/tcp").read_text().splitlines()[1:] if line.split()[2].endswith(":139C") and line.split()[3] in ("01", "02", "04")]
+        assert open_here, "established, or asking again: nothing was closed by the peer"
+    finally:
+        subprocess.run(["tc", "qdisc", "del", "dev", "lo", "root"], check=True)
+    used = bus(gateway.status())["frames"]
+    gateway.simulate(*peer, config="again.toml")
+    with recovery("half-open TCP: the Modbus peer gone without a word, another in its place", "replies again"):
+        gateway.until(lambda s: bus(s)["frames"] > used + 10, 20, "replies of the new peer")
+    gateway.until(lambda s: any(p["valid"] for p in axis(s)["parameters"]), 60, "trust in the new peer's values")
 
 
 def test_duplicated_and_reordered_frames(gateway):
