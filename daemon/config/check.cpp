@@ -96,9 +96,32 @@ private:
         if (f.address + geometry.count > 65536) error(f.place, what + ".address", "ends behind register 65535");
     }
 
+    void structure(const DriveConfig& d, const std::string& what) {
+        if (d.model.empty() == d.structure.empty()) error(d.place, what + ".model", "give either a model file or a structure");
+        if (d.sinusoids > 0 || d.highest_Hz > 0) error(d.place, what + (d.sinusoids > 0 ? ".sinusoids" : ".highest_Hz"), "belongs to method = \"frequency\"; remove it, or change the method");
+    }
+
+    // The method looks at one signal by itself: what a structure would need is of no use.
+    void frequency(const DriveConfig& d, const std::string& what) {
+        const auto refuse = [&](bool given, const char* key, const char* text) {
+            if (given) error(d.place, what + "." + key, text);
+        };
+        const char* alone = "does not belong to method = \"frequency\", which looks at one signal by itself; remove it, or identify it in a [[drive]] of its own on the same messages";
+        refuse(!d.model.empty(), "model", alone);
+        refuse(!d.structure.empty(), "structure", alone);
+        refuse(!d.given.empty(), "given", alone);
+        refuse(!d.effects.empty(), "effects", alone);
+        refuse(d.signals.size() > 1, "signal", "method = \"frequency\" takes one; give each signal a [[drive]] of its own");
+        refuse(d.bandwidth_rad_s > 0, "bandwidth_rad_s", "method = \"frequency\" has it from highest_Hz; remove it");
+        refuse(d.motion_rad_s > 0, "motion_rad_s", "method = \"frequency\" has it from highest_Hz; remove it");
+        refuse(d.highest_Hz <= 0, "highest_Hz", "is missing; add the highest frequency that is expected");
+        refuse(d.highest_Hz * d.dt_s > 0.2, "highest_Hz", "is above a fifth of the sampling rate 1/dt_s; sample faster, or expect less");
+    }
+
     void drive(const DriveConfig& d) {
         const std::string what = "drive \"" + d.name + "\"";
-        if (d.model.empty() == d.structure.empty()) error(d.place, what + ".model", "give either a model file or a structure");
+        if (d.method == "frequency") frequency(d, what);
+        else structure(d, what);
         if (d.signals.empty()) error(d.place, what + ".signal", "there is none; add [[drive.signal]]");
         std::set<std::string> seen;
         for (const auto& s : d.signals) {

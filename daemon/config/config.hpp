@@ -84,7 +84,8 @@ struct DriveConfig {
     bool paced;
     double count_s;
     bool watch;
-    double dt_s, bandwidth_rad_s, motion_rad_s, forgetting_s, gap_s, align_tolerance_s, skew_s, report_s, stale_s, alarm, speed_range;
+    double dt_s, bandwidth_rad_s, motion_rad_s, forgetting_s, gap_s, align_tolerance_s, skew_s, report_s, stale_s, alarm, speed_range, highest_Hz;
+    int64_t sinusoids;
     int64_t instant_can_id;
     bool record_samples;
     std::vector<SignalConfig> signals;

@@ -77,7 +77,7 @@ const Key<D> kDrive[] = {
     {"name", &D::name, "", 0, 0, nullptr, "", "name in status, records and sinks", ""},
     {"model", &D::model, "", 0, 0, "", "", "model file (TOML); instead of structure and given", ""},
     {"structure", &D::structure, "", 0, 0, "", "rigid_axis|linear_axis|two_mass_axis|dc_circuit|dc_drive|pmsm_drive|lti|", "known equations, where there is no model file", ""},
-    {"method", &D::method, "", 0, 0, "fsm", "", "estimator", ""},
+    {"method", &D::method, "", 0, 0, "fsm", "", "estimator: fsm, window, discrete, rls, kalman, adm (docs/methods.md); frequency: the sinusoids in one signal, without a structure", ""},
     {"type", &D::type, "", 0, 0, "f64", "f64|f32|q31", "number type of the estimator", ""},
     {"dt_s", &D::dt_s, "s", 1e-5, 60, nullptr, "", "nominal time between two samples; the true one comes from the stamps", ""},
     {"bandwidth_rad_s", &D::bandwidth_rad_s, "rad/s", 0, 1e6, "0", "", "bandwidth of the estimator's filters; 0 chosen from dt_s", ""},
@@ -94,6 +94,8 @@ const Key<D> kDrive[] = {
     {"stale_s", &D::stale_s, "s", 0.001, 3600, "1", "", "silence after which parameters are no longer valid", ""},
     {"alarm", &D::alarm, "", -1, 1e6, "0", "", "residual alarm threshold of the estimator; 0 its default, negative: it never begins anew by itself", ""},
     {"speed_range", &D::speed_range, "rad/s, m/s", 0, 1e9, "0", "", "type q31: |speed| that the drive stays within, where the speed is no signal", ""},
+    {"sinusoids", &D::sinusoids, "", 0, 2, "0", "", "method frequency: how many are looked for, 1 or 2; 0: 1", ""},
+    {"highest_Hz", &D::highest_Hz, "Hz", 0, 1e5, "0", "", "method frequency: the highest frequency that is expected; the filters follow it, so twice as much as needed costs accuracy", ""},
     {"watch", &D::watch, "", 0, 0, "true", "", "run the loaded model beside the drive and say when it no longer explains it, and the likely effect", ""},
     {"record_samples", &D::record_samples, "", 0, 0, "true", "", "write decoded samples into the record, beside the frames", ""},
 };

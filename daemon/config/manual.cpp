@@ -109,6 +109,23 @@ Paths are relative to the folder of the configuration file. Several sources, dri
     name = "regs"
     kind = "modbus_server"
 
+Vibration and torque ripple. A drive with `method = "frequency"` needs no structure: it looks at its one signal and gives frequency and amplitude of one or two sinusoids in it, beside any bias
+(`f1_Hz`, `amplitude1_A`, `f2_Hz`, ...), with interval and validity like every parameter; a second drive on the same messages identifies the axis. A sinusoid is valid while it stands out of the
+noise and its phase keeps to its frequency; one that moved elsewhere is a restart, and known again within a few seconds. A speed or a current is the signal to take: an angle that turns on is no sinusoid.
+
+    [[drive]]
+    name = "axis1_ripple"
+    method = "frequency"
+    highest_Hz = 60                 # cogging: pole pairs or slots, times the highest speed in turns a second
+    dt_s = 0.001
+
+      [[drive.signal]]
+      name = "i_q_A"
+      source = "can0"
+      can_id = 0x181
+      signed = true
+      scale = 0.001
+
 Samples. Values of a drive that arrive in different messages become one sample. Without `sync` a sample is closed when every signal (except those with
 `wait = false`) has arrived anew within `align_tolerance_s`; a value that comes again before its set is complete begins a new set, and the old one counts as
 dropped. With `sync` the arrival of that signal closes the sample. The stamp is the earliest of the sample's messages, the error bound covers their spread.

@@ -58,6 +58,7 @@ void Drive::take(const Drive& o) {
 
 // With a watch the residual is that of the loaded model's torque or force balance, else the estimator's first equation.
 const char* Drive::residual_unit() const {
+    if (has_no_model()) return online_.physical_unit[1];
     if (watch() && watch()->ready) return driveid_dimension_unit(DRIVEID_DIM_FORCE, driveid_model_frame(&online_.model), 'A');
     switch (online_.model.structure) {
         case DRIVEID_STRUCTURE_LINEAR_AXIS: return "N";
@@ -216,7 +217,7 @@ void Drive::restart() {
 }
 
 void Drive::remember(const double* theta, const double* covariance, uint32_t params) {
-    if (params != online_.regression.params || estimate_.params != 0) return;
+    if (params != online_.physical || estimate_.params != 0) return;
     estimate_.params = params;
     std::copy_n(theta, params, estimate_.theta);
     std::copy_n(covariance, params * params, estimate_.cov);
@@ -298,7 +299,8 @@ void Drive::report() {
 
 void Drive::residual_alarm(const driveid_estimate& e) {
     if (e.restarts > restarts_seen_) {
-        log_event(Level::warning, config_.name.c_str(), "residual", "explain the record: driveid explain", "the residual left its level: the drive changed, or the model lacks an effect");
+        log_event(Level::warning, config_.name.c_str(), "residual", has_no_model() ? "" : "explain the record: driveid explain",
+                  has_no_model() ? "the signal left its frequencies: they are looked for anew" : "the residual left its level: the drive changed, or the model lacks an effect");
         if (!alarm_) alarm_since_ns_ = e.t_ns;
         restarted_ = true;
         first_after_restart_ns_ = e.t_ns;

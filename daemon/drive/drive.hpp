@@ -88,7 +88,8 @@ public:
     double residual_rms() const;
     // What the loaded model says of the drive; null where nothing watches.
     const driveid_watch_report* watch() const { return watch_.empty() ? nullptr : driveid_watch_answer(watcher()); }
-    const char* structure() const { return driveid_structure_name(online_.model.structure); }
+    const char* structure() const { return has_no_model() ? "sinusoids" : driveid_structure_name(online_.model.structure); }
+    bool has_no_model() const { return config_.method == "frequency"; }
 
 private:
     struct CanSignal { int source; driveid_signal signal; CanField field; Scaler scaler; int64_t delay_ns; };
@@ -96,6 +97,7 @@ private:
 
     void load_model(const Config& all);
     void make_signals(const Config& all);
+    void make_online(uint32_t present);
     void make_estimator(uint32_t present);
     void make_shifter(const Config& all, uint32_t waited);
     void values(uint32_t mask, const double* value, const driveid_stamp& stamp);

@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // Building a drive from its configuration: model, signals, estimator.
 #include <algorithm>
+#include <cmath>
 #include <cstring>
 #include <fstream>
 #include <sstream>
 #include <stdexcept>
 
+#include <driveid/frequency.h>
 #include <driveid/fsm.h>
 #include <driveid/model_file.h>
 
@@ -39,7 +41,7 @@ double suggested(const DriveConfig& drive) {
 }  // namespace
 
 Drive::Drive(const DriveConfig& config, const Config& all, int index, DriveListener& listener) : config_(config), index_(index), listener_(listener) {
-    load_model(all);
+    if (!has_no_model()) load_model(all);
     make_signals(all);
 }
 
@@ -118,10 +120,24 @@ void Drive::make_shifter(const Config& all, uint32_t waited) {
     shifter_ = Shifter(int64_t(config_.skew_s * 1e9), waited & ~motion, int64_t((config_.gap_s > 0 ? config_.gap_s : 5 * config_.dt_s) * 1e9));
 }
 
+// From the model; without one, the sinusoids of the one signal.
+void Drive::make_online(uint32_t present) {
+    char reason[512] = "";
+    if (has_no_model()) {
+        driveid_signal signal;
+        driveid_signal_from_name(config_.signals[0].name.c_str(), &signal);
+        driveid_regression sinusoids;
+        driveid_frequency_regression(uint32_t(std::max<int64_t>(1, config_.sinusoids)), 2 * M_PI * config_.highest_Hz, &sinusoids);
+        driveid_online_sinusoids(&online_, &sinusoids, signal);
+        return;
+    }
+    const driveid_status s = driveid_online_init(&online_, &model_, present, reason, sizeof reason);
+    if (s != DRIVEID_OK) throw std::runtime_error(clean(reason, s));
+}
+
 void Drive::make_estimator(uint32_t present) {
     char reason[512] = "";
-    driveid_status s = driveid_online_init(&online_, &model_, present, reason, sizeof reason);
-    if (s != DRIVEID_OK) throw std::runtime_error(clean(reason, s));
+    make_online(present);
     for (const auto& c : config_.signals) {
         driveid_signal signal;
         driveid_signal_from_name(c.name.c_str(), &signal);
@@ -141,7 +157,7 @@ void Drive::make_estimator(uint32_t present) {
     options.gap_s = config_.gap_s;
     options.alarm = config_.alarm;
     if (type == DRIVEID_Q31) declare_ranges(options.range);
-    s = driveid_estimator_configure(estimator(), size, config_.method.c_str(), type, &online_.regression, &options, reason, sizeof reason);
+    const driveid_status s = driveid_estimator_configure(estimator(), size, config_.method.c_str(), type, &online_.regression, &options, reason, sizeof reason);
     if (s != DRIVEID_OK) throw std::runtime_error(clean(reason, s));
     make_watch();
     parameters_.resize(online_.physical);

@@ -66,8 +66,9 @@ def test_the_manual_page_is_the_one_that_is_committed():
     assert run("--manual").stdout == (ROOT / "docs/manual/configuration.md").read_text(), "driveidd --manual > docs/manual/configuration.md"
 
 
-def test_the_example_configuration_is_fine():
-    done = run("--check", ROOT / "daemon/dist/driveidd.toml")
+@pytest.mark.parametrize("name", ["driveidd", "ripple"])
+def test_the_example_configuration_is_fine(name):
+    done = run("--check", ROOT / f"daemon/dist/{name}.toml")
     assert done.returncode == 0, done.stderr
 
 

@@ -55,8 +55,8 @@ void add_run(CLI::App &app) {
     command->add_option("--bus", q->bus, "can:IFACE | modbus:HOST:PORT | fd:N (inherited datagram socket) | log:FILE.log")->required();
     command->add_option("--seed", q->seed, "the drive and its motion are drawn from it")->capture_default_str();
     command->add_option("--structure", q->structure, "rigid_axis linear_axis dc_drive dc_circuit pmsm_drive")->check(CLI::IsMember(STRUCTURES))->capture_default_str();
-    command->add_option("--program", q->program, "mixed p2p jog rest reversal prbs chirp slow")
-        ->check(CLI::IsMember({"mixed", "p2p", "jog", "rest", "reversal", "prbs", "chirp", "slow"}))->capture_default_str();
+    command->add_option("--program", q->program, "mixed p2p jog rest reversal prbs chirp slow steady")
+        ->check(CLI::IsMember({"mixed", "p2p", "jog", "rest", "reversal", "prbs", "chirp", "slow", "steady"}))->capture_default_str();
     command->add_option("--rate", q->rate_Hz, "samples per second")->check(CLI::IsMember({"250", "500", "1000", "2000", "4000"}))->capture_default_str();
     command->add_option("--duration", q->duration_s, "s; 0: until stopped (SIGINT, SIGTERM)")->check(CLI::Range(0.0, 1e7))->capture_default_str();
     command->add_option("--speed", q->speed, "times real time; 0: as fast as possible (a log always is)")->check(CLI::Range(0.0, 1000.0))->capture_default_str();

@@ -17,6 +17,8 @@ void Motion::begin() {
         if (count_ == 0) count_ = rng_.integer(0, kinds - 1) + kinds;
         kind_ = order[count_++ % kinds];
         if (rng_.chance(0.25)) kind_ = order[rng_.integer(0, kinds - 1)];
+    } else if (program_ == "steady") {
+        kind_ = count_++ % 3 == 2 ? "rest" : "steady";
     } else {
         kind_ = program_;
     }
@@ -31,7 +33,10 @@ void Motion::begin() {
         speed_ = inward * d_.w_max * rng_.log_uniform(0.06, 1.0);
         length_ = rng_.uniform(0.6, 1.4);
     } else if (kind_ == "rest") {
-        speed_ = 0; length_ = rng_.uniform(0.3, 0.9);
+        speed_ = 0; length_ = program_ == "steady" ? 5 : rng_.uniform(0.3, 0.9);
+    } else if (kind_ == "steady") {  // a spindle: two slow speeds and a rest in turn, without an end to its travel
+        speed_ = d_.w_max * rng_.log_uniform(0.02, 0.08);
+        length_ = 10;
     } else if (kind_ == "reversal") {  // small and quick, so that the direction changes many times
         speed_ = d_.w_max * rng_.log_uniform(0.02, 0.3);
         f0_ = rng_.log_uniform(0.7, 4.0);
@@ -69,7 +74,7 @@ double Motion::wanted_speed() {
         w = speed_;
     }
     const bool outside = std::fabs(q_) > 0.9 * d_.range;  // turn back inside the travel
-    if (outside && w * q_ > 0 && kind_ != "p2p") w = speed_ = -0.5 * std::fabs(speed_) * (q_ > 0 ? 1 : -1);
+    if (outside && w * q_ > 0 && kind_ != "p2p" && program_ != "steady") w = speed_ = -0.5 * std::fabs(speed_) * (q_ > 0 ? 1 : -1);
     return std::clamp(w, -d_.w_max, d_.w_max);
 }
 

@@ -10,7 +10,7 @@ struct Reference { double q = 0, w = 0, a = 0, extra_torque = 0; };
 
 class Motion {
 public:
-    // program: "mixed" (all kinds), or one of p2p jog rest reversal prbs chirp slow
+    // program: "mixed" (all kinds), or one of p2p jog rest reversal prbs chirp slow steady
     Motion(const Drive &drive, std::uint64_t seed, const std::string &program = "mixed");
     Reference tick(double dt_s);  // reference at the end of the next dt_s
     const std::string &segment() const { return kind_; }

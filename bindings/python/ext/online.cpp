@@ -9,6 +9,7 @@
 #include <memory>
 #include <new>
 
+#include <driveid/frequency.h>
 #include <driveid/model.h>
 #include <driveid/model_file.h>
 
@@ -17,6 +18,8 @@ namespace {
 
 struct Options {
     double dt_s = 0, bandwidth_rad_s = 0, forgetting_s = 0, gap_s = 0, alarm = 0;
+    uint32_t sinusoids = 0;  // above 0: no model, the sinusoids of one signal
+    double highest_rad_s = 0;
 };
 
 [[noreturn]] void refuse(const std::string &what, driveid_status status, const std::string &reason) {
@@ -58,23 +61,10 @@ class Online {
 public:
     Online(const std::string &model_toml, const std::vector<std::string> &signals, const std::string &method, const std::string &type,
            const Options &options, const std::vector<std::pair<std::string, std::string>> &holds, const std::vector<std::pair<std::string, double>> &ranges) {
-        driveid_model model{};
-        std::string reason(1024, '\0');
-        driveid_status status = driveid_model_read(model_toml.c_str(), &model, reason.data(), reason.size());
-        if (status != DRIVEID_OK) refuse("model", status, reason.c_str());
-        uint32_t bits = 0;
-        for (const std::string &name : signals) {
-            driveid_signal s;
-            if (driveid_signal_from_name(name.c_str(), &s) != DRIVEID_OK) throw nb::value_error(("no signal is called " + name).c_str());
-            bits |= UINT32_C(1) << s;
-        }
-        reason.assign(1024, '\0');
-        status = driveid_online_init(&online_, &model, bits, reason.data(), reason.size());
-        if (status != DRIVEID_OK) refuse("model on line", status, reason.c_str());
+        if (options.sinusoids > 0) sinusoids(signals, options);
+        else model(model_toml, signals);
         for (const auto &[name, hold] : holds) {
-            driveid_signal s;
-            if (driveid_signal_from_name(name.c_str(), &s) != DRIVEID_OK) throw nb::value_error(("no signal is called " + name).c_str());
-            driveid_online_hold(&online_, s, hold_of(hold));  // a signal that the regression does not use has no hold
+            driveid_online_hold(&online_, signal_of(name), hold_of(hold));  // a signal that the regression does not use has no hold
         }
         const driveid_real real = real_of(type);
         const size_t size = driveid_estimator_size(method.c_str(), real);
@@ -87,14 +77,10 @@ public:
         o.gap_s = options.gap_s;
         o.alarm = options.alarm;
         double range[DRIVEID_SIGNAL_COUNT] = {};
-        for (const auto &[name, value] : ranges) {
-            driveid_signal s;
-            if (driveid_signal_from_name(name.c_str(), &s) != DRIVEID_OK) throw nb::value_error(("no signal is called " + name).c_str());
-            range[s] = value;
-        }
+        for (const auto &[name, value] : ranges) range[signal_of(name)] = value;
         driveid_online_ranges(&online_, range, o.range);
-        reason.assign(1024, '\0');
-        status = driveid_estimator_configure(storage_->get(), size, method.c_str(), real, &online_.regression, &o, reason.data(), reason.size());
+        std::string reason(1024, '\0');
+        const driveid_status status = driveid_estimator_configure(storage_->get(), size, method.c_str(), real, &online_.regression, &o, reason.data(), reason.size());
         if (status != DRIVEID_OK) refuse("estimator", status, reason.c_str());
     }
     Online(const Online &o) : online_(o.online_), storage_(std::make_unique<Storage>(*o.storage_)) {}
@@ -113,8 +99,7 @@ public:
         const size_t rows = t_ns.shape(0), n = online_.physical;
         std::vector<std::pair<int, const double *>> inputs;
         for (const auto &[name, values] : columns) {
-            driveid_signal s;
-            if (driveid_signal_from_name(name.c_str(), &s) != DRIVEID_OK) throw nb::value_error(("no signal is called " + name).c_str());
+            const driveid_signal s = signal_of(name);
             if (values.shape(0) != rows) throw nb::value_error(("column " + name + " has not as many rows as t_ns").c_str());
             inputs.emplace_back(s, values.data());
         }
@@ -138,6 +123,32 @@ public:
     }
 
 private:
+    static driveid_signal signal_of(const std::string &name) {
+        driveid_signal s;
+        if (driveid_signal_from_name(name.c_str(), &s) != DRIVEID_OK) throw nb::value_error(("no signal is called " + name).c_str());
+        return s;
+    }
+
+    void model(const std::string &toml, const std::vector<std::string> &signals) {
+        driveid_model model{};
+        std::string reason(1024, '\0');
+        driveid_status status = driveid_model_read(toml.c_str(), &model, reason.data(), reason.size());
+        if (status != DRIVEID_OK) refuse("model", status, reason.c_str());
+        uint32_t bits = 0;
+        for (const std::string &name : signals) bits |= UINT32_C(1) << signal_of(name);
+        reason.assign(1024, '\0');
+        status = driveid_online_init(&online_, &model, bits, reason.data(), reason.size());
+        if (status != DRIVEID_OK) refuse("model on line", status, reason.c_str());
+    }
+
+    void sinusoids(const std::vector<std::string> &signals, const Options &options) {
+        driveid_regression regression;
+        if (signals.size() != 1) throw nb::value_error("sinusoids are looked for in one signal");
+        driveid_status status = driveid_frequency_regression(options.sinusoids, options.highest_rad_s, &regression);
+        if (status == DRIVEID_OK) status = driveid_online_sinusoids(&online_, &regression, signal_of(signals[0]));
+        if (status != DRIVEID_OK) refuse("sinusoids", status, "1 or 2 of them, and the highest frequency above 0");
+    }
+
     struct Rows {
         Rows(size_t rows, size_t) : status(rows) {}
         std::vector<int8_t> status;
@@ -198,12 +209,12 @@ void bind_online(nb::module_ &m) {
             "__init__",
             [](Online *self, const std::string &model_toml, const std::vector<std::string> &signals, const std::string &method,
                const std::string &type, double dt_s, double bandwidth_rad_s, double forgetting_s, double gap_s, double alarm,
-               const std::vector<std::pair<std::string, std::string>> &holds, const std::vector<std::pair<std::string, double>> &ranges) {
-                new (self) Online(model_toml, signals, method, type, {dt_s, bandwidth_rad_s, forgetting_s, gap_s, alarm}, holds, ranges);
+               const std::vector<std::pair<std::string, std::string>> &holds, const std::vector<std::pair<std::string, double>> &ranges, uint32_t sinusoids, double highest_rad_s) {
+                new (self) Online(model_toml, signals, method, type, {dt_s, bandwidth_rad_s, forgetting_s, gap_s, alarm, sinusoids, highest_rad_s}, holds, ranges);
             },
             nb::arg("model_toml"), nb::arg("signals"), nb::kw_only(), nb::arg("method") = "fsm", nb::arg("type") = "f64", nb::arg("dt_s"),
             nb::arg("bandwidth_rad_s") = 0.0, nb::arg("forgetting_s") = 0.0, nb::arg("gap_s") = 0.0, nb::arg("alarm") = 0.0, nb::arg("holds") = std::vector<std::pair<std::string, std::string>>(),
-            nb::arg("ranges") = std::vector<std::pair<std::string, double>>())
+            nb::arg("ranges") = std::vector<std::pair<std::string, double>>(), nb::arg("sinusoids") = 0, nb::arg("highest_rad_s") = 0.0)
         .def("__copy__", [](const Online &o) { return new Online(o); })
         .def("__deepcopy__", [](const Online &o, nb::handle) { return new Online(o); }, nb::arg("memo"))
         .def_prop_ro("parameters", &Online::parameters, "Names of the physical parameters.")

@@ -9,6 +9,7 @@
  *           rest, gaps, residual alarm with restart [LONG-RUN]. Its full form, with c from time zero, is fsm.h.
  *           "rls", "kalman": baselines on the same filters: recursive least squares with directional forgetting in square-root form; a random walk
  *           of the parameters in Joseph's form. Both are biased by noise of the differentiated channel; the bound is in their interval.
+ *           "frequency": one or two sinusoids in one signal, f_Hz and amplitude of each as theta; its regression: frequency.h.
  * Parameters  SI. options.dt_s is needed, all others may be zero.
  * Returns   update: the status of the answer after this sample, or
  *             DRIVEID_NOT_YET   too little since start or alarm        DRIVEID_FROZEN     the drive rests: theta held, nothing learnt
@@ -77,7 +78,7 @@ typedef struct driveid_estimator driveid_estimator;
 /* Bytes needed for (method, type); 0 where that pair does not exist. */
 size_t driveid_estimator_size(const char *method, driveid_real type);
 
-#define DRIVEID_ESTIMATOR_METHODS "choose fsm, rls, window or discrete in f64, f32 or q31, kalman or adm in f64 or f32"
+#define DRIVEID_ESTIMATOR_METHODS "choose fsm, rls, window, discrete or frequency in f64, f32 or q31, kalman or adm in f64 or f32"
 
 /* method: see Method above. DRIVEID_ERR_CONFIG with a sentence in reason[reason_size] where it is refused. */
 driveid_status driveid_estimator_configure(driveid_estimator *self, size_t size, const char *method, driveid_real type,

@@ -153,6 +153,10 @@ typedef struct driveid_online {
 driveid_status driveid_online_init(driveid_online *online, const driveid_model *model, uint32_t signals,
                                    char *reason, size_t reason_size);
 
+/* One signal by itself, for the method "frequency": regression of driveid_frequency_regression(), physical parameters f1_Hz, amplitude1_A, ... (the
+ * unit is the signal's). There is no model behind it: driveid_online.model is empty. DRIVEID_ERR_ARGUMENT: a regression of more than one channel. */
+driveid_status driveid_online_sinusoids(driveid_online *online, const driveid_regression *regression, driveid_signal signal);
+
 /* How a signal behaves between stamps (default: DRIVEID_HOLD_FIRST), before the estimator is configured.
  * DRIVEID_ERR_ARGUMENT where the regression does not use the signal. */
 driveid_status driveid_online_hold(driveid_online *online, driveid_signal signal, driveid_hold hold);

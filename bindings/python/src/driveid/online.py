@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import tomllib
 from dataclasses import dataclass, field
@@ -60,8 +61,25 @@ def replay(model: Model, record: Record, *, method: str = "fsm", type: str = "f6
     return _held(record, *_run(model, record, method, type, dt_s, every, options, ranges=ranges))
 
 
-def _run(model: Model, record: Record, method: str, type: str, dt_s: float | None, every: int, options: dict,
-         holds: list[tuple[str, str]] | None = None, ranges: dict[str, float] | None = None) -> tuple[_core.Online, dict]:
+def frequency(record: Record, signal: str, *, highest_Hz: float, sinusoids: int = 1, type: str = "f64", dt_s: float | None = None, every: int = 1,
+              ranges: dict[str, float] | None = None, **options: float) -> Replay:
+    """One or two sinusoids in one signal, as the daemon's method "frequency" follows them: f1_Hz, amplitude1_..., f2_Hz, amplitude2_... over time."""
+    if signal not in record.columns:
+        raise UsageError(f"{record.name} has no column {signal!r}; it has {', '.join(record.columns)}")
+    one = Record(record.name, record.t_ns, {signal: record.columns[signal]}, path=record.path)
+    return _held(record, *_run(None, one, "frequency", type, dt_s, every, options, ranges=ranges, sinusoids=_sinusoids(sinusoids, highest_Hz)))
+
+
+def _sinusoids(count: int, highest_Hz: float) -> dict:
+    if count not in (1, 2):
+        raise UsageError(f"sinusoids is 1 or 2, not {count}")
+    if not highest_Hz > 0:
+        raise UsageError(f"highest_Hz is {highest_Hz}; give the highest frequency that is expected")
+    return {"sinusoids": count, "highest_rad_s": 2 * math.pi * highest_Hz}
+
+
+def _run(model: Model | None, record: Record, method: str, type: str, dt_s: float | None, every: int, options: dict,
+         holds: list[tuple[str, str]] | None = None, ranges: dict[str, float] | None = None, sinusoids: dict | None = None) -> tuple[_core.Online, dict]:
     for name in options:
         if name not in _OPTIONS:
             raise UsageError(f"no option {name!r}. {close_names(name, ('method', 'type', 'dt_s', 'every', *_OPTIONS))}")
@@ -73,7 +91,7 @@ def _run(model: Model, record: Record, method: str, type: str, dt_s: float | Non
     if type == "q31" and not ranges:
         ranges = _ranges(columns)
     try:
-        online = _core.Online(model.toml, list(columns), method=method, type=type, dt_s=dt_s, holds=holds or [], ranges=list((ranges or {}).items()), **options)
+        online = _core.Online(model.toml if model else "", list(columns), method=method, type=type, dt_s=dt_s, holds=holds or [], ranges=list((ranges or {}).items()), **options, **(sinusoids or {}))
     except ValueError as e:
         raise UsageError(str(e)) from None
     parts = []
@@ -123,9 +141,11 @@ def replay_drec(path: str | os.PathLike, *, drive: str | None = None, model: Mod
     options = {k: settings[k] for k in ("method", "type", "dt_s", *_OPTIONS) if k in settings} | changes
     if settings.get("motion_rad_s") and "bandwidth_rad_s" not in changes:
         options["bandwidth_rad_s"] = shifting.suggest(order=2, dt_s=float(settings["dt_s"]), bandwidth_rad_s=float(settings["motion_rad_s"])).poles_rad_s[0]
-    online, raw = _run(model or _model(path, settings, _recorded_model(file, index)), record, options.pop("method", "fsm"), options.pop("type", "f64"), options.pop("dt_s", None), 1, options,
+    alone = options.get("method") == "frequency"
+    online, raw = _run(None if alone else model or _model(path, settings, _recorded_model(file, index)), record, options.pop("method", "fsm"), options.pop("type", "f64"), options.pop("dt_s", None), 1, options,
                        [(signal["name"], signal["hold"]) for signal in settings.get("signal", []) if signal.get("hold")],
-                       {signal["name"]: float(signal["range"]) for signal in settings.get("signal", []) if signal.get("range")})
+                       {signal["name"]: float(signal["range"]) for signal in settings.get("signal", []) if signal.get("range")},
+                       _sinusoids(settings.get("sinusoids") or 1, float(settings.get("highest_Hz", 0))) if alone else None)
     told = [e.t_ns for e in of_kind(file.entries, ESTIMATE) if e.source == index]
     keep = np.flatnonzero(np.isin(t_ns, told)) if told else None
     result = _held(record, online, raw, keep)
