@@ -4,6 +4,9 @@
 #include <math.h>
 #include <stddef.h>
 
+#define SMALL 1e-14
+#define ROUNDING 30 /* of a sum's terms: weights are products of up to 2 order factors */
+
 int driveid_discrete_columns(const driveid_discrete_config *config) { return config->order + config->kept + 1; }
 
 int driveid_discrete_rows(const driveid_discrete_config *config) { return driveid_discrete_columns(config) + config->extra; }
@@ -23,26 +26,35 @@ const char *driveid_discrete_refusal(const driveid_discrete_config *c, int is_f3
     return NULL;
 }
 
-driveid_status driveid_discrete_solve(double row[][DRIVEID_DISCRETE_COLUMNS_MAX + 1], int rows, int columns, double small, double *theta, double *residual) {
-    double length[DRIVEID_DISCRETE_COLUMNS_MAX], x[DRIVEID_DISCRETE_COLUMNS_MAX];
+/* Each row to unit maximum, each column to unit length; noise[columns]: how long rounding alone would make it. */
+static driveid_status scale(double row[][DRIVEID_DISCRETE_COLUMNS_MAX + 1], double square[][DRIVEID_DISCRETE_COLUMNS_MAX], int rows, int columns, double epsilon, double *length, double *noise) {
+    for (int c = 0; c < columns; c++) length[c] = noise[c] = 0;
     for (int r = 0; r < rows; r++) {
         double largest = 0;
         for (int c = 0; c < columns; c++) largest = fmax(largest, fabs(row[r][c]));
         if (!(largest > 0) || !isfinite(largest)) return DRIVEID_RANK;
         for (int c = 0; c <= columns; c++) row[r][c] /= largest;
+        for (int c = 0; c < columns; c++) length[c] += row[r][c] * row[r][c], noise[c] += square[r][c] / (largest * largest);
     }
     for (int c = 0; c < columns; c++) {
-        length[c] = 0;
-        for (int r = 0; r < rows; r++) length[c] += row[r][c] * row[r][c];
         length[c] = sqrt(length[c]);
         if (!(length[c] > 0)) return DRIVEID_RANK;
+        noise[c] = epsilon * sqrt(noise[c]) / length[c];
         for (int r = 0; r < rows; r++) row[r][c] /= length[c];
     }
+    return DRIVEID_OK;
+}
+
+driveid_status driveid_discrete_solve(double row[][DRIVEID_DISCRETE_COLUMNS_MAX + 1], double square[][DRIVEID_DISCRETE_COLUMNS_MAX], int rows, int columns, double epsilon, double *theta, double *residual) {
+    double length[DRIVEID_DISCRETE_COLUMNS_MAX], noise[DRIVEID_DISCRETE_COLUMNS_MAX], x[DRIVEID_DISCRETE_COLUMNS_MAX], least = SMALL;
+    const driveid_status scaled = scale(row, square, rows, columns, epsilon, length, noise);
+    if (scaled != DRIVEID_OK) return scaled;
     for (int c = 0; c < columns; c++) { /* Householder */
         double norm = 0;
         for (int r = c; r < rows; r++) norm += row[r][c] * row[r][c];
         norm = sqrt(norm);
-        if (norm < small) return DRIVEID_RANK;
+        least = fmax(least, ROUNDING * noise[c]); /* what is taken out of a column brings its own rounding along */
+        if (norm < least) return DRIVEID_RANK;
         const double alpha = row[c][c] > 0 ? -norm : norm;
         row[c][c] -= alpha;
         double square = 0;

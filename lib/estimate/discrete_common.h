@@ -11,9 +11,10 @@ int driveid_discrete_rows(const driveid_discrete_config *config);
 /* Reason of a refusal, or NULL. */
 const char *driveid_discrete_refusal(const driveid_discrete_config *config, int is_f32);
 
-/* Rows scaled to unit maximum, columns to unit length, Householder QR. DRIVEID_RANK leaves theta alone. row is overwritten. */
-driveid_status driveid_discrete_solve(double row[][DRIVEID_DISCRETE_COLUMNS_MAX + 1], int rows, int columns, double small,
-                                      double *theta, double *residual);
+/* Rows scaled to unit maximum, columns to unit length, Householder QR. square: of what was summed into row, in numbers of that epsilon.
+ * DRIVEID_RANK leaves theta alone. row is overwritten. */
+driveid_status driveid_discrete_solve(double row[][DRIVEID_DISCRETE_COLUMNS_MAX + 1], double square[][DRIVEID_DISCRETE_COLUMNS_MAX], int rows, int columns,
+                                      double epsilon, double *theta, double *residual);
 
 /* 97.5 % quantile of Student's t. */
 double driveid_discrete_quantile(unsigned freedom);

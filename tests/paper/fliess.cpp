@@ -170,6 +170,26 @@ TEST(Fliess, RefusalsAndHostileSamples) {
     EXPECT_EQ(driveid_discrete_estimate_f64(&e, &out), DRIVEID_NOT_YET);
 }
 
+// A drive at rest, whatever the reading, tells nothing: what is left in the columns is rounding, and no block is an answer.
+template <class Estimator, class Configure, class Update>
+void at_rest(Configure configure, Update update, bool is_f32) {
+    for (const auto domain : {DRIVEID_DISCRETE_Z, DRIVEID_DISCRETE_Q})
+        for (uint8_t order = 1; order <= (is_f32 && domain == DRIVEID_DISCRETE_Z ? 2 : 8); order++)
+            for (const double y : {0.0, 1.0, 3.7, 1e6}) {
+                driveid_discrete_config c{};
+                c.domain = domain, c.order = order, c.zeros = c.kept = uint8_t(order / 3), c.skipped = uint8_t(order + 2), c.extra = 6, c.block = 400, c.T_s = .01, c.gamma = 1;
+                Estimator e;
+                ASSERT_EQ(configure(&e, &c, nullptr, 0), DRIVEID_OK);
+                for (uint32_t k = 1; k <= 3 * c.block; k++)
+                    EXPECT_EQ(update(&e, y, 1), k % c.block ? DRIVEID_NOT_YET : DRIVEID_RANK) << (domain ? "q" : "z") << " order " << int(order) << " y " << y << (is_f32 ? " f32" : " f64");
+            }
+}
+
+TEST(Fliess, ConstantRecordHasNoAnswer) {
+    at_rest<driveid_discrete_f64>(driveid_discrete_configure_f64, driveid_discrete_update_f64, false);
+    at_rest<driveid_discrete_f32>(driveid_discrete_configure_f32, driveid_discrete_update_f32, true);
+}
+
 TEST(Fliess, ControlApplication) {
     // Loop shaping on the identified model (V 23.18, real pole 6.89 back-solved in NOTES): Omega_c 1.780, arg L -120.70 degrees, T_s = 10 ms.
     const auto L = [](C q, double V, double p, double w1, double x1, double w2, double x2) {

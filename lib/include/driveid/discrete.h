@@ -64,6 +64,7 @@ typedef struct driveid_discrete_estimate {
         double residual;                                                                                           \
         REAL_ row[DRIVEID_DISCRETE_ROWS_MAX][DRIVEID_DISCRETE_COLUMNS_MAX + 1]; /* last column: right-hand side */ \
         REAL_ lost[DRIVEID_DISCRETE_ROWS_MAX][DRIVEID_DISCRETE_COLUMNS_MAX + 1]; /* what rounding took from row */ \
+        double square[DRIVEID_DISCRETE_ROWS_MAX][DRIVEID_DISCRETE_COLUMNS_MAX]; /* of what was summed: how far rounding reaches */ \
     } NAME_;
 DRIVEID_DISCRETE_TYPE(double, driveid_discrete_f64)
 DRIVEID_DISCRETE_TYPE(float, driveid_discrete_f32)
@@ -73,7 +74,7 @@ driveid_status driveid_discrete_configure_f64(driveid_discrete_f64 *self, const 
 driveid_status driveid_discrete_configure_f32(driveid_discrete_f32 *self, const driveid_discrete_config *config, char *reason, size_t reason_size);
 
 /* One sample. DRIVEID_OK: a block ended and its estimate is new; DRIVEID_NOT_YET: inside a block; DRIVEID_RANK: the block did not
- * excite all unknowns, it is dropped; DRIVEID_ERR_VALUE: not finite, the block starts anew. A gap is the caller's restart_block. */
+ * excite all unknowns (a column, or what the others leave of it, is no more than the rounding of what was summed), it is dropped; DRIVEID_ERR_VALUE: not finite, the block starts anew. A gap is the caller's restart_block. */
 driveid_status driveid_discrete_update_f64(driveid_discrete_f64 *self, double y, double u);
 driveid_status driveid_discrete_update_f32(driveid_discrete_f32 *self, float y, float u);
 
