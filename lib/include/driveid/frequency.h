@@ -8,7 +8,7 @@
  *           (total least squares), "fsm" chooses filters that fit it; "rls" and "kalman" are biased. driveid_frequency_read() gives omega from theta.
  *           On line, for months: the method "frequency" (estimate.h, the daemon's), "discrete" with q taken back to omega exactly, and beside it the
  *           amplitudes, fitted at the frequencies found over five periods (half a second at least). Its theta: f_1 in Hz, amplitude 1, f_2, amplitude 2.
- *           A sinusoid is valid while its amplitude stands out by five deviations; one that vanishes is waited for, one that comes back is known at once;
+ *           A sinusoid is valid while its amplitude stands out by five deviations; one that vanishes is waited for, and one that comes back at its frequency is known when its amplitude is;
  *           one whose phase turns away from its frequency is a new one: a restart, and half a second to a second until it is known.
  * Returns   read: DRIVEID_OK; DRIVEID_RANK where theta has no positive roots (one sinusoid only, or noise): nothing is written.
  * Fixed point, gaps, intervals: those of the method. Bandwidth: five times the highest omega. In "frequency" the interval of f is widened by what the
