@@ -110,7 +110,7 @@ Eigen::VectorXd whiten(const Equation &equation, const Eigen::VectorXd &raw) {
       const double *e = raw.data() + t.first + r;
       double v = e[0];
       for (int j = 1; j <= p; ++j) v -= equation.ar[std::size_t(j - 1)] * e[-j];
-      out[Eigen::Index(t.first + r)] = v;
+      out[Eigen::Index(t.first + r)] = v * equation.weight[t.first + r];
     }
   }
   return out;

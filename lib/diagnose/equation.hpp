@@ -38,6 +38,7 @@ struct Track {                     // one piece of one record in one equation
   std::vector<double> speed_raw;   // only where speed is what is measured
   std::vector<double> drive_raw;   // driving channel as logged, before the input shift
   std::vector<double> current_raw; // voltage equations: the current as logged (states carry it smoothed)
+  std::vector<double> still;       // share of each sample inside a short rest of a motion (equation_stick.cpp)
   std::vector<unsigned char> rest; // 1: the axis does not measurably move
   std::vector<int> row;            // centres of the rows on the fine grid
   std::vector<int> run;            // run number of each row: rows of one run are evenly spaced, without a hole

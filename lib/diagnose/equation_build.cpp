@@ -73,6 +73,7 @@ Equation mechanical(const driveid_model &model, const std::vector<Source> &sourc
         t.speed_raw = f.raw_speed;
         t.drive_raw = p.signal.at(s.roles.input);
         t.rest = rests(f, s, dt, half);
+        t.still = f.still;
         t.position_smooth = convolve_all(t.position, wide, 0);
         bool is_current = s.roles.input != "v_V" && s.roles.input != "tau_Nm" && s.roles.input != "F_N";
         fill_states(t, p, f, t.drive_raw, gain, 0, is_current ? t.drive_raw : std::vector<double>(), temperature_of(p), false, 0);
@@ -96,6 +97,7 @@ Equation mechanical(const driveid_model &model, const std::vector<Source> &sourc
   add_base(e, model, inertia, motion, from_speed ? 1 : 2);
   add_base(e, model, damping, motion, from_speed ? 0 : 1);
   settle(e, sources[0], notices);
+  hold_by_friction(e);
   return e;
 }
 

@@ -20,6 +20,7 @@ struct Fine {   // smoothed kinematics of a piece
   std::vector<double> position, speed, accel, raw_speed;
   double speed_noise = 0;
   std::vector<double> direction;   // -1 .. 1
+  std::vector<double> still;       // share of the sample inside a short rest between two motions
 };
 
 const driveid_param *parameter(const driveid_model &model, const char *name);
@@ -39,6 +40,9 @@ void finish(Equation &equation);
 void add_column(Equation &equation, const driveid_model &model, const char *name, const Eigen::VectorXd &column);
 void add_base(Equation &equation, const driveid_model &model, const char *name, const FineSignal &signal, int derivative, double sign = 1);
 void settle(Equation &equation, const Source &source, std::vector<Notice> &notices);
+
+// The direction inside short rests, where the axis has enough dry friction to hold it.
+void hold_by_friction(Equation &equation);
 
 Equation dc_voltage(const driveid_model &model, const std::vector<Source> &sources, std::vector<Notice> &notices);
 Equation dq_voltage(const driveid_model &model, const std::vector<Source> &sources, std::vector<Notice> &notices);

@@ -78,9 +78,11 @@ Turning turning_speed(const Fine &f, double sigma, double dt, const Kernel &narr
   const bool from_speed = !f.raw_speed.empty();
   Turning t{{}, sigma * norm2(narrow.w[from_speed ? 0 : 1]), narrow.half};
   std::vector<double> accel;
+  const auto reach = std::size_t(2 * narrow.half);
   for (std::size_t k = 1; k < f.speed.size(); ++k)
-    if ((f.speed[k] > 0) != (f.speed[k - 1] > 0)) accel.push_back(std::fabs(f.accel[k]));
-  if (accel.size() < 5) return t;
+    if ((f.speed[k] > 0) != (f.speed[k - 1] > 0) && k >= reach && k + reach < f.speed.size() && std::min(std::fabs(f.speed[k - reach]), std::fabs(f.speed[k + reach])) > 4 * t.noise)
+      accel.push_back(std::fabs(f.accel[k]));   // a turn, not noise at rest
+  if (accel.empty()) return t;
   auto mid = accel.begin() + std::ptrdiff_t(accel.size() / 2);
   std::nth_element(accel.begin(), mid, accel.end());
   for (int half : {3, 4, 5, 6, 8, 10, 12, 15, 18, 22}) {
@@ -118,8 +120,37 @@ void place_turn(const std::vector<double> &v, const Turning &t, std::size_t at, 
     if (k >= 0 && k < n) direction[std::size_t(k)] = before * std::clamp(-2 * (double(k) - middle) / width, -1.0, 1.0);
 }
 
-std::vector<double> directions(const Fine &f, double sigma, double dt, const Kernel &narrow) {
-  const Turning t = turning_speed(f, sigma, dt, narrow);
+// Short rests inside a motion: the speed stays within its noise for much longer than it would take to pass.
+void mark_stills(const std::vector<double> &v, double limit, std::ptrdiff_t half, std::vector<double> &still) {
+  const auto n = std::ptrdiff_t(v.size()), reach = half + 2;
+  for (std::ptrdiff_t a = 0, b; a < n; a = b + 1) {
+    b = a;
+    if (!(std::fabs(v[std::size_t(a)]) < limit)) continue;
+    while (b + 1 < n && std::fabs(v[std::size_t(b) + 1]) < limit) ++b;
+    if (a < reach || b + reach >= n) continue;
+    const double rate = std::min(std::fabs(v[std::size_t(a - reach)]), std::fabs(v[std::size_t(b + reach)])) / double(reach);
+    if (b - a < 2 || double(b - a + 1) * rate <= 4 * limit) continue;
+    // The kernel rounds the stop off: the slope before it, drawn on to zero, tells its instant.
+    const std::ptrdiff_t near = a - half - 1, far = near - 2;
+    const double slope = far >= 0 ? 0.5 * (v[std::size_t(near)] - v[std::size_t(far)]) : 0, stop = slope != 0 ? double(near) - v[std::size_t(near)] / slope : -1;
+    const std::ptrdiff_t from = std::fabs(stop - double(a)) <= double(half) ? std::lround(stop) : a;
+    std::fill(still.begin() + from, still.begin() + b + 1, 1.0);
+    if (from == std::lround(stop)) still[std::size_t(from)] = std::clamp(double(from) + 0.5 - stop, 0.01, 1.0);   // the rest begins within this sample
+  }
+}
+
+std::vector<double> stills(const Fine &f, double sigma, double dt, int widest) {
+  const bool from_speed = !f.raw_speed.empty();
+  std::vector<double> still(f.speed.size(), 0);
+  for (int half : {3, 5, 8}) {
+    if (half > widest) break;
+    const Kernel k = make_kernel(half, dt);
+    mark_stills(convolve_all(from_speed ? f.raw_speed : f.position, k, from_speed ? 0 : 1), 3 * sigma * norm2(k.w[from_speed ? 0 : 1]), half, still);
+  }
+  return still;
+}
+
+std::vector<double> directions(const Fine &f, const Turning &t) {
   std::vector<double> v = f.speed, direction(v.size());
   if (!t.own.empty())
     for (std::size_t k = 0; k < v.size(); ++k)
@@ -152,7 +183,9 @@ Fine kinematics(const Source &s, const Piece &p, double dt, const Kernel &wide, 
     for (std::size_t k = 1; k < p.n; ++k) f.position[k] = f.position[k - 1] + 0.5 * dt * (f.raw_speed[k] + f.raw_speed[k - 1]);
   }
   const SignalQuality &q = s.record->quality.at(s.roles.position.empty() ? s.roles.speed : s.roles.position);
-  f.direction = directions(f, std::max(q.noise, 0.3 * q.quantum), dt, narrow);
+  const double sigma = std::max(q.noise, 0.3 * q.quantum);
+  f.direction = directions(f, turning_speed(f, sigma, dt, narrow));
+  f.still = stills(f, sigma, dt, narrow.half);
   return f;
 }
 

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "diagnose/confidence.hpp"
 #include "diagnose/explain.hpp"
 #include "diagnose/explain_refine.hpp"
 #include "diagnose/plausible.hpp"
@@ -65,14 +66,6 @@ std::vector<Value> values_of(const Search &search, const Solution &solution, std
     out.push_back({name, unit, p[i], p[i] - half, p[i] + half});
   }
   return out;
-}
-
-// Monotone in the lead over the next explanation and in what is explained; the constants are judgement, not calibration
-// (docs/manual/explain.md).
-double confidence_of(const Analysis &a, const Found &f) {
-  double lead = 1 - std::exp(-std::max(0.0, f.margin) / 6), strength = 1 - std::exp(-std::max(0.0, f.worth) / 8), whole = std::clamp(a.explained / 0.7, 0.2, 1.0);
-  double c = (0.35 + 0.63 * lead) * strength * whole;
-  return c;   // of a tie: that one of its members is right
 }
 
 void set_value(driveid_param &p, const Value &v) {
@@ -270,7 +263,10 @@ Explanation explain(const driveid_model &model, const driveid_task &task, const 
       r.accepted = true;
       r.share = std::clamp(f.share, 0.0, 1.0);
       r.worth = f.worth;
-      r.confidence = confidence_of(a, f);
+      r.lead = f.margin;
+      r.beyond = f.behind;
+      r.family = f.rival;
+      r.confidence = confidence(f.margin, f.worth, a.explained);   // of a tie: that one of its members is right
       for (std::size_t k = 0; k < f.member.size(); ++k) {
         std::vector<Value> v = values_of(*a.search, a.after, f.member[k], covariance);
         const Candidate &c = a.search->candidates()[std::size_t(a.chosen[f.member[k]].candidate)];

@@ -22,6 +22,9 @@ struct Ranked {
   std::string effect;
   bool accepted = false;
   double share = 0, confidence = 0, worth = 0;
+  double lead = 0;                 // log-likelihood over the best other explanation
+  double beyond = 0;               // share of what the general family below takes that the effect leaves
+  std::string family;
   std::vector<Value> parameters;
   std::vector<std::string> ties;
   std::string why;                 // of a refusal

@@ -11,7 +11,8 @@ namespace driveid::diagnose {
 namespace {
 
 constexpr double kWorthMin = 14;        // log-likelihood beyond cost that an effect must bring
-constexpr double kRelativeMin = 0.003;  // and the share of the squared error
+constexpr double kRelativeMin = 0.005;  // and the share of the squared error
+constexpr double kRelativeElectrical = 0.02;   // the current's noise biases a winding's resistance, and the bias looks like an effect
 constexpr double kElsewhereMin = 5;     // of the gain, what must be left without its best tenth of the blocks
 constexpr double kBroadMin = 0.2;       // or this share of it
 constexpr double kBroadGain = 200;      // where that is this much
@@ -24,9 +25,10 @@ constexpr double kBehind = 0.05;        // other laws less,
 constexpr double kBehindExact = 0.01;   // an eccentric scale is geometry
 constexpr double kFurtherMin = 0.002;   // of what the accepted effects took: every law is an idealisation to a few per cent (squared here)
 
-bool acceptable(const Option &o) {
+bool acceptable(const Search &search, const Option &o) {
+  const double least = search.equation().electrical ? kRelativeElectrical : kRelativeMin;
   const bool in_places = o.evidence > kEvidenceMin || o.consistency > kConsistencyMin || (o.evidence > 1 && o.broad > kBroadMin && o.broad * o.gain > kBroadGain);
-  return o.possible && o.gain > 0 && o.worth() > kWorthMin && o.relative > kRelativeMin && o.relative_raw > kRelativeMin && o.broad * o.gain > kElsewhereMin && in_places && o.held_gain > 0;
+  return o.possible && o.gain > 0 && o.worth() > kWorthMin && o.relative > least && o.relative_raw > least && o.broad * o.gain > kElsewhereMin && in_places && o.held_gain > 0;
 }
 
 int complexity(const Search &s, const Option &o) {
@@ -38,7 +40,7 @@ int complexity(const Search &s, const Option &o) {
 int pick(const Search &s, const std::vector<Option> &options) {
   int best = -1;
   for (std::size_t k = 0; k < options.size(); ++k)
-    if (acceptable(options[k]) && (best < 0 || options[k].worth() > options[std::size_t(best)].worth())) best = int(k);
+    if (acceptable(s, options[k]) && (best < 0 || options[k].worth() > options[std::size_t(best)].worth())) best = int(k);
   if (best < 0) return best;
   const Option &top = options[std::size_t(best)];
   double tolerance = std::max(4.0, 0.01 * top.gain);
@@ -47,14 +49,14 @@ int pick(const Search &s, const std::vector<Option> &options) {
     return o.worth() > top.worth() - tolerance || (o.worth() > top.worth() - 3 * tolerance && evidence(o.sse, top.sse) < kEvidenceMin);
   };
   for (std::size_t k = 0; k < options.size(); ++k) {
-    if (!acceptable(options[k]) || !as_good(options[k])) continue;
+    if (!acceptable(s, options[k]) || !as_good(options[k])) continue;
     int a = complexity(s, options[k]), b = complexity(s, options[std::size_t(chosen)]);
     if (a < b || (a == b && options[k].worth() > options[std::size_t(chosen)].worth())) chosen = int(k);
   }
   // On a quiet record the likelihood sees any idealisation: a simpler law that takes nearly all of what the best takes comes first,
   // and the richer one may replace it later for what it still takes.
   for (std::size_t k = 0; k < options.size(); ++k) {
-    if (!acceptable(options[k]) || complexity(s, options[k]) >= complexity(s, options[std::size_t(chosen)])) continue;
+    if (!acceptable(s, options[k]) || complexity(s, options[k]) >= complexity(s, options[std::size_t(chosen)])) continue;
     const double taken = top.total / std::max(1e-9, 1 - top.relative) - top.total;
     if (options[k].total - top.total < kNearlyAll * taken) chosen = int(k);
   }
@@ -90,7 +92,7 @@ bool reexamine(Search &search, std::vector<Member> &chosen, const std::vector<Me
     for (Option &o : options)   // a richer effect takes the place of a simpler one for something that can be seen
       if (self.possible && o.possible && o.candidate != self.candidate && complexity(search, o) > complexity(search, self) && self.total - o.total < 0.02 * removed) o.possible = false;
     int best = pick(search, options);
-    if (!acceptable(self) && best < 0) {
+    if (!acceptable(search, self) && best < 0) {
       if (!search.sound(others)) continue;
       chosen = others;
       return true;
@@ -283,6 +285,88 @@ Structure structure_of(const Equation &e, const Eigen::VectorXd &residual) {
   return s;
 }
 
+// What the record asks for beyond the kept members: strongest first, earlier choices asked again after each.
+void look(Analysis &a, const std::vector<Member> &kept, const Settings &settings, double &from, double &to) {
+  Search &search = *a.search;
+  a.steps.clear();
+  std::erase_if(a.families, [](const Family &f) { return f.name == "order_speed"; });
+  a.before = search.solve(kept);
+  a.offered = search.offer(kept);
+  for (const Option &o : a.offered)
+    if (o.possible && o.gain > 10 && search.candidates()[std::size_t(o.candidate)].name == "cogging") a.families.push_back(order_family(search.equation(), o.shape[0]));
+  a.general = beyond(search, a.families, kept);
+  a.chosen = kept;
+  std::vector<Option> options = a.offered;
+  for (int depth = 0; depth < settings.most_effects && !search.cancelled(); ++depth) {
+    if (!a.steps.empty())   // after a first effect, a further one must carry a part of the whole to be believed; more where it also filters noise
+      for (Option &o : options) {
+        if (!o.possible) continue;
+        const std::string &name = search.candidates()[std::size_t(o.candidate)].name;
+        const bool filters = name == "compliance" || name == "backlash" || name == "dead_zone" || name == "delay";
+        const double now = o.total / std::max(1e-9, 1 - o.relative), gone = a.before.score.total - o.total;
+        if (now - o.total < (filters ? 0.1 : kFurtherMin) * gone) o.possible = false;
+      }
+    auto index_of = [&](const char *name) {
+      for (std::size_t c = 0; c < search.candidates().size(); ++c)
+        if (search.candidates()[c].name == name) return int(c);
+      return -1;
+    };
+    const int dry = index_of("coulomb"), load = index_of("constant_load"), asymmetric = index_of("asymmetric_friction");
+    auto has = [&](int c) { return std::any_of(a.chosen.begin(), a.chosen.end(), [&](const Member &m) { return m.candidate == c; }); };
+    if (asymmetric >= 0 && has(dry) && has(load) && search.solve(a.chosen).score.total - options[std::size_t(asymmetric)].total < 0.1 * (a.before.score.total - options[std::size_t(asymmetric)].total))
+      options[std::size_t(asymmetric)].possible = false;
+    int best = pick(search, options);
+    if (best < 0) break;
+    if (best == asymmetric && dry >= 0 && load >= 0 && !has(dry) && !has(load)) {
+      // A small difference of levels is as well a load beside symmetric friction, which is the commoner machine.
+      std::vector<Member> pair = a.chosen;
+      pair.push_back({dry, {}, false});
+      pair.push_back({load, {}, false});
+      Solution s = search.solve(pair);
+      const double gone = search.solve(a.chosen).score.total - options[std::size_t(best)].total, same = search.solve(a.chosen).score.total - s.score.total;
+      const Eigen::Index last = s.coefficient.size() - 1;
+      if (same > 0.9 * gone && s.coefficient[last - 1] > 0 && std::fabs(s.coefficient[last]) < 0.25 * s.coefficient[last - 1]) {
+        a.chosen = pair;
+        a.steps.push_back(a.chosen);
+        options = search.offer(a.chosen);
+        continue;
+      }
+    }
+    a.chosen = search.joined(a.chosen, options[std::size_t(best)].candidate, options[std::size_t(best)].shape);
+    search.polish(a.chosen);
+    from = to;
+    to = from + 0.5 * (0.95 - from);
+    for (int again = 0; again < 1 && !a.steps.empty(); ++again)
+      if (!reexamine(search, a.chosen, kept)) break;
+    a.steps.push_back(a.chosen);
+    options = search.offer(a.chosen);
+  }
+  simplify_asymmetry(search, a.chosen);
+}
+
+// The accepted effects once more, with rows counted by how sure they are where the motion turns round and the drive jumps. Those that lived on unsure
+// rows are dropped; false, with the rows weighed so, where none is left.
+bool confirmed(Analysis &a, const std::vector<Member> &kept) {
+  Search &search = *a.search;
+  if (a.chosen.size() == kept.size() && a.steps.empty()) return true;
+  const std::vector<double> plain = search.equation().weight;
+  if (!weigh_by_kind(search, search.solve(a.chosen).residual)) return true;
+  std::vector<Member> sure;
+  bool any = false;
+  for (std::size_t m = 0; m < a.chosen.size(); ++m) {
+    const bool stays = a.chosen[m].kept || acceptable(search, search.refine(a.chosen[m].candidate, without(a.chosen, m, kept), a.chosen[m].shape));
+    if (stays) sure.push_back(a.chosen[m]);
+    any |= stays && !a.chosen[m].kept;
+  }
+  if (!any) return false;
+  search.weigh(plain);
+  if (sure.size() == a.chosen.size()) return true;
+  for (const Member &k : kept)   // what a dropped effect took the place of stands again
+    if (std::none_of(sure.begin(), sure.end(), [&](const Member &m) { return m.candidate == k.candidate || subsumes(search.candidates()[std::size_t(m.candidate)], search.candidates()[std::size_t(k.candidate)]); })) sure.push_back(k);
+  if (search.sound(sure)) a.chosen = sure, a.steps.push_back(sure);
+  return true;
+}
+
 Analysis analyse(Equation equation, const driveid_model &model, const Settings &settings, std::vector<Notice> &notices) {
   Analysis a;
   if (equation.electrical && !equation.tracks.empty() && !equation.tracks[0].position.empty()) add_skew(equation);
@@ -342,58 +426,8 @@ Analysis analyse(Equation equation, const driveid_model &model, const Settings &
       }
     }
   }
-  a.before = search.solve(kept);
-  a.offered = search.offer(kept);
-  for (const Option &o : a.offered)
-    if (o.possible && o.gain > 10 && search.candidates()[std::size_t(o.candidate)].name == "cogging") a.families.push_back(order_family(search.equation(), o.shape[0]));
-  a.general = beyond(search, a.families, kept);
-  a.chosen = kept;
-  std::vector<Option> options = a.offered;
-  for (int depth = 0; depth < settings.most_effects && !search.cancelled(); ++depth) {
-    if (!a.steps.empty())   // after a first effect, a further one must carry a part of the whole to be believed; more where it also filters noise
-      for (Option &o : options) {
-        if (!o.possible) continue;
-        const std::string &name = search.candidates()[std::size_t(o.candidate)].name;
-        const bool filters = name == "compliance" || name == "backlash" || name == "dead_zone" || name == "delay";
-        const double now = o.total / std::max(1e-9, 1 - o.relative), gone = a.before.score.total - o.total;
-        if (now - o.total < (filters ? 0.1 : kFurtherMin) * gone) o.possible = false;
-      }
-    auto index_of = [&](const char *name) {
-      for (std::size_t c = 0; c < search.candidates().size(); ++c)
-        if (search.candidates()[c].name == name) return int(c);
-      return -1;
-    };
-    const int dry = index_of("coulomb"), load = index_of("constant_load"), asymmetric = index_of("asymmetric_friction");
-    auto has = [&](int c) { return std::any_of(a.chosen.begin(), a.chosen.end(), [&](const Member &m) { return m.candidate == c; }); };
-    if (asymmetric >= 0 && has(dry) && has(load) && search.solve(a.chosen).score.total - options[std::size_t(asymmetric)].total < 0.1 * (a.before.score.total - options[std::size_t(asymmetric)].total))
-      options[std::size_t(asymmetric)].possible = false;
-    int best = pick(search, options);
-    if (best < 0) break;
-    if (best == asymmetric && dry >= 0 && load >= 0 && !has(dry) && !has(load)) {
-      // A small difference of levels is as well a load beside symmetric friction, which is the commoner machine.
-      std::vector<Member> pair = a.chosen;
-      pair.push_back({dry, {}, false});
-      pair.push_back({load, {}, false});
-      Solution s = search.solve(pair);
-      const double gone = search.solve(a.chosen).score.total - options[std::size_t(best)].total, same = search.solve(a.chosen).score.total - s.score.total;
-      const Eigen::Index last = s.coefficient.size() - 1;
-      if (same > 0.9 * gone && s.coefficient[last - 1] > 0 && std::fabs(s.coefficient[last]) < 0.25 * s.coefficient[last - 1]) {
-        a.chosen = pair;
-        a.steps.push_back(a.chosen);
-        options = search.offer(a.chosen);
-        continue;
-      }
-    }
-    a.chosen = search.joined(a.chosen, options[std::size_t(best)].candidate, options[std::size_t(best)].shape);
-    search.polish(a.chosen);
-    from = to;
-    to = from + 0.5 * (0.95 - from);
-    for (int again = 0; again < 1 && !a.steps.empty(); ++again)
-      if (!reexamine(search, a.chosen, kept)) break;
-    a.steps.push_back(a.chosen);
-    options = search.offer(a.chosen);
-  }
-  simplify_asymmetry(search, a.chosen);
+  look(a, kept, settings, from, to);
+  if (!confirmed(a, kept)) look(a, kept, settings, from, to);
   a.after = search.solve(a.chosen);
   a.remainder = beyond(search, a.families, a.chosen);
   const double floor_sse = std::min({a.general.sse, a.remainder.sse, a.after.score.total});
@@ -428,7 +462,7 @@ Analysis analyse(Equation equation, const driveid_model &model, const Settings &
       const Candidate &rival = search.candidates()[std::size_t(o.candidate)];
       if (subsumes(rival, c)) continue;
       bool close = behind < 5 && behind < 0.1 * f.worth && std::sqrt(o.total / total_with) < 1.05 && o.held_gain > 0;
-      if (close && acceptable(o)) f.ties.push_back({o.candidate, o.shape, o.total, rival.name});
+      if (close && acceptable(search, o)) f.ties.push_back({o.candidate, o.shape, o.total, rival.name});
       else f.margin = std::min(f.margin, behind);
     }
     std::sort(f.ties.begin(), f.ties.end(), [](const Tie &x, const Tie &y) { return x.total < y.total; });
@@ -439,7 +473,7 @@ Analysis analyse(Equation equation, const driveid_model &model, const Settings &
   double left = a.removable > 0 ? (a.after.score.total - floor_sse) / a.removable : 0;
   // Noise of the current on both sides of a voltage equation looks like a curved resistance: more is asked there.
   const bool electrical = search.equation().electrical;
-  bool more = a.remainder.gain > 40 && (a.remainder.evidence > 3 || (a.remainder.evidence > 1.5 && a.remainder.broad > kBroadMin && a.remainder.broad * a.remainder.gain > kBroadGain)) && (a.after.score.total - a.remainder.sse) / a.after.score.total > (electrical ? 0.12 : 0.03);
+  bool more = a.remainder.gain > 40 && (a.remainder.evidence > 3 || (a.remainder.evidence > 1.5 && a.remainder.broad > kBroadMin && a.remainder.broad * a.remainder.gain > kBroadGain)) && (a.after.score.total - a.remainder.sse) / a.after.score.total > (electrical ? 0.2 : 0.03);
   a.regular_before = structure_of(search.equation(), a.before.residual);
   a.regular_after = structure_of(search.equation(), a.after.residual);
   const bool regular = a.regular_after.share > 0.4 && a.regular_after.evidence > 4 && a.regular_after.power > 0.35 * a.regular_before.power;

@@ -70,6 +70,8 @@ struct Settings {
 };
 
 Analysis analyse(Equation equation, const driveid_model &model, const Settings &settings, std::vector<Notice> &notices);
+// Rows of a kind that this residual shows to be less sure count for less from now on; false where none is (explain_weight.cpp).
+bool weigh_by_kind(Search &search, const Eigen::VectorXd &residual);
 Structure structure_of(const Equation &equation, const Eigen::VectorXd &residual);
 Remainder beyond(const Search &search, const std::vector<Family> &families, const std::vector<Member> &members);
 

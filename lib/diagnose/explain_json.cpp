@@ -118,6 +118,7 @@ ordered_json explanation_json(const Explanation &x, const driveid_task &task, co
   ordered_json ranked = ordered_json::array();
   for (const Ranked &r : x.ranked) {
     ordered_json e = {{"effect", r.effect}, {"accepted", r.accepted}, {"share", r.share}, {"confidence", r.confidence}, {"parameters", parameters_json(r.parameters)}, {"not_told_apart_from", r.ties}};
+    if (r.accepted) e["evidence"] = {{"gain", r.worth}, {"lead", r.lead}, {"family", r.family}, {"family_beyond", r.beyond}};
     if (!r.why.empty()) e["why_not"] = r.why;
     const driveid_effect_info *info = driveid_effect_find(r.effect.c_str());
     if (info) e["equation"] = info->equation;

@@ -18,7 +18,7 @@ constexpr std::size_t kThinRows = 3500;
 
 Search::Search(Equation equation, std::vector<Candidate> candidates, int threads)
     : full_(std::move(equation)), thin_(thinned(full_, kThinRows)), candidates_(std::move(candidates)), known_(candidates_.size()), threads_(std::max(1, threads)) {
-  for (double w : full_.weight) rows_ += w;
+  for (double w : full_.weight) rows_ += w > 0;
   Solution s = solve({});
   int free_column = 0;
   for (const BaseColumn &b : full_.base_column) {
@@ -26,6 +26,11 @@ Search::Search(Equation equation, std::vector<Candidate> candidates, int threads
     if (&b == &full_.base_column[0]) nominal_.inertia = v;
     else if (full_.base_column.size() > 1 && &b == &full_.base_column[1]) nominal_.damping = v;
   }
+}
+
+void Search::weigh(std::vector<double> weight) {
+  full_.weight = std::move(weight);
+  thin_ = thinned(full_, kThinRows);
 }
 
 Search::View Search::view(const Equation &e, const std::vector<Member> &members) const {
@@ -135,7 +140,8 @@ double Search::raw_square(const Eigen::VectorXd &white) const {
       age = track.run[r] == run ? age + 1 : 0;
       run = track.run[r];
       if (age < p) continue;
-      e[r] = white[Eigen::Index(track.first + r)];
+      const double weight = full_.weight[track.first + r];
+      e[r] = weight > 0 ? white[Eigen::Index(track.first + r)] / weight : 0;
       for (int j = 1; j <= p; ++j) e[r] += full_.ar[std::size_t(j - 1)] * e[r - std::size_t(j)];
       sum += e[r] * e[r];
     }

@@ -69,6 +69,7 @@ class Search {
   // Re-optimises the shapes of all free members together, one after another.
   void polish(std::vector<Member> &members);
   double rows() const { return rows_; }
+  void weigh(std::vector<double> weight);   // of whitened rows: relative, 0 leaves a row out
   // 95 % covariance of (coefficients, shapes) of a solution, by blocks of correlated rows.
   Eigen::MatrixXd covariance(const Solution &solution) const;
   const Nominal &nominal() const { return nominal_; }

@@ -164,6 +164,21 @@ std::size_t mend_lone_samples(std::vector<double> &x, double scale) {
 
 }  // namespace
 
+// A current loop answers a step with a pulse of voltage of one sample: what the drive applies elsewhere too is no wrong reading.
+std::size_t restore_usual(std::vector<double> &x, const std::vector<double> &read) {
+  std::vector<double> sorted;
+  for (double v : read)
+    if (std::isfinite(v)) sorted.push_back(v);
+  std::sort(sorted.begin(), sorted.end());
+  const std::size_t rare = 3 + sorted.size() / 200;
+  if (sorted.size() <= 2 * rare) return 0;
+  const double lo = sorted[rare], hi = sorted[sorted.size() - 1 - rare];
+  std::size_t restored = 0;
+  for (std::size_t k = 0; k < x.size(); ++k)
+    if (x[k] != read[k] && read[k] > lo && read[k] < hi) x[k] = read[k], ++restored;
+  return restored;
+}
+
 // Isolated spikes far outside the range of their neighbourhood become the mean of their neighbours.
 void mend_glitches(std::vector<double> &x, const std::string &name, std::vector<Notice> &notices) {
   const std::size_t n = x.size();
@@ -179,6 +194,7 @@ void mend_glitches(std::vector<double> &x, const std::string &name, std::vector<
     scale = median_of(moving);
   }
   if (scale <= 0) return;
+  const std::vector<double> read = x;
   std::size_t mended = mend_lone_samples(x, scale);
   for (std::size_t k = 1; k + 1 < n; ++k) {
     for (std::size_t width = 1; width <= 2 && k + width < n; ++width) {
@@ -199,6 +215,7 @@ void mend_glitches(std::vector<double> &x, const std::string &name, std::vector<
       break;
     }
   }
+  if (name.starts_with("v_") && name.ends_with("_V")) mended -= std::min(mended, restore_usual(x, read));
   if (mended && mended * 20 < n)
     notices.push_back({"glitch", name + text(": %.0f isolated spikes were replaced by their neighbours", double(mended)), ""});
 }

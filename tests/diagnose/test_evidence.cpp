@@ -1,14 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 // What decides between explanations: ranks over blocks, breadth, the score over stretches, the mask, the general families.
 #include <cmath>
+#include <cstdio>
 #include <random>
 #include <vector>
 
 #include <gtest/gtest.h>
 
 #include "axis.hpp"
+#include "diagnose/confidence.hpp"
 #include "diagnose/equation.hpp"
 #include "diagnose/evidence.hpp"
+#include "diagnose/explain_core.hpp"
 #include "diagnose/floor.hpp"
 #include "diagnose/record.hpp"
 
@@ -34,8 +37,8 @@ Pair hidden_in(double size, int every, unsigned seed) {
   return p;
 }
 
-Equation axis_equation(const Axis &axis, unsigned seed) {
-  Log log = run_axis(axis, 12, seed);
+Equation axis_equation(const Axis &axis, unsigned seed, double rate_Hz = 500) {
+  Log log = run_axis(axis, 12, seed, rate_Hz);
   log.seal("record");
   driveid_model m;
   driveid_model_init(&m, DRIVEID_STRUCTURE_RIGID_AXIS);
@@ -137,4 +140,64 @@ TEST(Families, TakeWhatIsRegularInTheirCoordinates) {
   EXPECT_GT(removed(wave, "turn"), 0.5);
   EXPECT_LT(removed(wave, "speed"), 0.1);
   for (const char *family : {"speed", "turn", "drive", "inertia_time"}) EXPECT_LT(removed(complete, family), 0.02) << family;
+}
+
+// Where dry friction holds the axis between two motions it is as large as the drive, not what a sign says.
+TEST(Equation, FrictionAtAShortRestIsWhatTheDriveMakesIt) {
+  Axis axis;
+  axis.coulomb = 0.03;
+  axis.sigma_i = 0.002;
+  Equation e = axis_equation(axis, 3, 1000);
+  double held = 0;
+  for (const Track &t : e.tracks)
+    for (double s : t.still) held += s;
+  EXPECT_GT(held, 20);
+  const auto error = [&](bool signs) {
+    Eigen::MatrixXd x(Eigen::Index(e.rows), e.base.cols() + 1);
+    x.leftCols(e.base.cols()) = e.base;
+    x.col(e.base.cols()) = stack(e, [&](const Track &t, std::vector<double> &f) {
+      f.resize(t.state.size());
+      for (std::size_t k = 0; k < f.size(); ++k) f[k] = !signs || t.still[k] == 0 ? t.state[k].direction : t.state[k].speed > 0 ? 1 : -1;
+    }, 0);
+    return std::sqrt((e.y - x * x.colPivHouseholderQr().solve(e.y)).squaredNorm() / double(e.rows));
+  };
+  std::printf("error %g with what the drive makes of it, %g with signs\n", error(false), error(true));
+  EXPECT_LT(error(false), 0.6 * error(true));
+}
+
+TEST(Weights, RowsOfAKindThatIsLessSureCountForLess) {
+  Axis axis;
+  axis.coulomb = 0.012;
+  Equation e = axis_equation(axis, 4);
+  find_floor(e, make_families(e));
+  std::vector<unsigned char> turns(e.rows, 0);
+  for (const Track &t : e.tracks)
+    for (std::size_t r = 0; r < t.row.size(); ++r)
+      for (int k = t.row[r] - t.kernel.half; k < t.row[r] + t.kernel.half; ++k) turns[t.first + r] |= t.state[std::size_t(k)].direction != t.state[std::size_t(k) + 1].direction;
+  Search search(e, {}, 1);
+  std::mt19937 rng(5);
+  std::normal_distribution<double> normal;
+  Eigen::VectorXd alike(Eigen::Index(e.rows)), unlike(Eigen::Index(e.rows));
+  for (std::size_t k = 0; k < e.rows; ++k) alike[Eigen::Index(k)] = normal(rng), unlike[Eigen::Index(k)] = alike[Eigen::Index(k)] * (turns[k] ? 8 : 1);
+  EXPECT_FALSE(weigh_by_kind(search, alike));
+  ASSERT_TRUE(weigh_by_kind(search, unlike));
+  double there = 0, elsewhere = 0, many = 0, rest = 0;
+  for (std::size_t k = 0; k < e.rows; ++k)
+    if (search.equation().weight[k] > 0) (turns[k] ? there : elsewhere) += search.equation().weight[k], (turns[k] ? many : rest) += 1;
+  EXPECT_LT(there / many, 0.35);
+  EXPECT_GT(elsewhere / rest, 0.6);   // a whitened row looks back at those before it
+}
+
+TEST(Confidence, GrowsWithEachKindOfEvidenceAndStaysAFrequency) {
+  double before = 0;
+  for (double x : {0.0, 1.0, 3.0, 10.0, 30.0, 100.0}) {
+    EXPECT_GE(confidence(x, 100, 1), before);
+    EXPECT_GE(confidence(100, x, 1), confidence(100, 0.5 * x, 1));
+    before = confidence(x, 100, 1);
+  }
+  for (double share : {0.0, 0.3, 0.9, 0.97, 1.0}) EXPECT_LE(confidence(100, 100, share), confidence(100, 100, share + 0.05));
+  EXPECT_LT(confidence(100, 100, 0.9), 0.8);   // something is left that the answer does not say
+  EXPECT_GT(confidence(100, 100, 1), 0.9);
+  EXPECT_LT(confidence(1000, 1000, 1), 0.98);   // nobody is always right
+  EXPECT_LT(confidence(0, 20, 1), 0.5);
 }

@@ -11,6 +11,7 @@
 #include "axis.hpp"
 #include "diagnose/equation.hpp"
 #include "diagnose/record.hpp"
+#include "diagnose/record_column.hpp"
 
 using namespace driveid::diagnose;
 
@@ -86,6 +87,24 @@ TEST(Record, GlitchesCloseTogetherAreMended) {
   Prepared p = prepare(log.record, axis_model());
   const auto &x = p.pieces[0].signal.at("theta_rad");
   for (std::size_t k : {1200u, 1204u}) EXPECT_NEAR(x[k] - x[1100], right[k] - right[1100], 0.05);
+}
+
+// A voltage that a current loop applies for one sample is real, however lone; a reading beyond all that is ever applied is not.
+TEST(Record, PulsesOfAVoltageAreKept) {
+  std::mt19937 rng(1);
+  std::normal_distribution<double> normal;
+  std::vector<double> v(4000);
+  for (std::size_t k = 0; k < v.size(); ++k) v[k] = 5 * ((k / 400) % 2 ? 1 : -1) + 0.01 * normal(rng);
+  for (std::size_t k = 200; k < v.size(); k += 400) v[k] += v[k] > 0 ? -4 : 4;
+  v[1700] = 60;
+  const std::vector<double> read = v;
+  std::vector<Notice> notices;
+  mend_glitches(v, "v_V", notices);
+  for (std::size_t k = 200; k < v.size(); k += 400) EXPECT_EQ(v[k], read[k]) << k;
+  EXPECT_LT(std::fabs(v[1700]), 6);
+  v = read;
+  mend_glitches(v, "theta_rad", notices);
+  EXPECT_NE(v[200], read[200]);
 }
 
 TEST(Record, SpeedInOtherUnitsIsNoticed) {

@@ -48,3 +48,17 @@ def test_score_is_held(results, name):
 def test_answers_name_few_effects(results):
     answered = [r["names"] for r in results if r["group"] == "single" and r.get("first")]
     assert sum(answered) / len(answered) <= 1.3
+
+
+def test_confidence_is_how_often_answers_are_right(results):
+    """Right first answers as many as their confidences say, within three deviations; in the upper and in the lower half of them too."""
+    said = []
+    for r in results:
+        accepted = [e for e in r.get("ranked", []) if e["accepted"]]
+        if accepted and r["verdict"] in ("missing", "cannot_tell"):
+            names = [accepted[0]["effect"], *(accepted[0]["not_told_apart_from"] or [])]
+            said.append((accepted[0]["confidence"], any(n in r["effects"] for n in names)))
+    for lo, hi in ((0, 1.01), (0, 0.9), (0.9, 1.01)):
+        here = [(p, right) for p, right in said if lo <= p < hi]
+        expected, spread = sum(p for p, _ in here), sum(p * (1 - p) for p, _ in here) ** 0.5
+        assert abs(sum(right for _, right in here) - expected) <= 3 * spread + 0.5, here
