@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "daemon.hpp"
 
+#include <arpa/inet.h>
+#include <cerrno>
 #include <csignal>
 #include <stdexcept>
 #include <sys/epoll.h>
 #include <sys/signalfd.h>
+#include <sys/socket.h>
 #include <unistd.h>
 
 #include <driveid/version.h>
@@ -22,6 +25,22 @@ sigset_t watched_signals() {
     sigemptyset(&set);
     for (int s : {SIGTERM, SIGINT, SIGHUP}) sigaddset(&set, s);
     return set;
+}
+
+// Once the daemon has become another user, a privileged port that it closed is lost.
+std::string ports_out_of_reach(const Config& config) {
+    for (const auto& s : config.sinks) {
+        if (s.kind != "modbus_server" || s.port >= 1024) continue;
+        const Fd probe(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0));
+        sockaddr_in at{};
+        at.sin_family = AF_INET;
+        at.sin_port = htons(uint16_t(s.port));
+        inet_pton(AF_INET, s.host.c_str(), &at.sin_addr);
+        if (bind(probe.get(), reinterpret_cast<sockaddr*>(&at), sizeof at) != 0 && errno == EACCES)
+            return config.file + ":" + std::to_string(s.place.line) + ": sink \"" + s.name + "\".port: " + std::to_string(s.port) +
+                   " takes privileges that are gone since the start; restart the daemon, or choose a port above 1023";
+    }
+    return "";
 }
 }  // namespace
 
@@ -77,6 +96,9 @@ std::string Daemon::reload(std::vector<std::string>& changed) {
     if (!errors.empty()) return errors;
     try {
         auto fresh = std::make_unique<Gateway>(std::move(result.config), loop_, &control_);
+        if (fresh->same_as(*gateway_)) return "";
+        const std::string lost = ports_out_of_reach(fresh->config());
+        if (!lost.empty()) return lost;
         fresh->adopt(*gateway_, changed);
         gateway_ = nullptr;  // closes ports and interfaces before they are opened anew
         gateway_ = std::move(fresh);

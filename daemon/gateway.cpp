@@ -91,8 +91,9 @@ void Gateway::route() {
 }
 
 void Gateway::start() {
-    if (!record_ && !config_.record.file.empty()) {
-        const std::string error = record_start(config_.record.file);
+    const std::string& file = record_again_.empty() ? config_.record.file : record_again_;
+    if (!record_ && !file.empty()) {
+        const std::string error = record_start(file);
         if (!error.empty()) log_event(Level::error, "record", "start", "mend [record] folder or file", "%s", error.c_str());
     }
     for (auto& s : sinks_) s->start();
@@ -115,6 +116,8 @@ bool Gateway::alive() {
 void Gateway::tick(double elapsed_s) {
     for (auto& s : sources_) s->tick(elapsed_s);
 }
+
+bool Gateway::same_as(const Gateway& other) const { return record_layout() == other.record_layout(); }
 
 void Gateway::adopt(Gateway& previous, std::vector<std::string>& changed) {
     const auto source_texts = [](const Config& c, const DriveConfig& d) {
@@ -139,22 +142,40 @@ void Gateway::adopt(Gateway& previous, std::vector<std::string>& changed) {
     };
     list("source", config_.sources, previous.config_.sources);
     list("sink", config_.sinks, previous.config_.sinks);
-    record_ = std::move(previous.record_);
+    if (!previous.record_) return;
+    record_name_ = previous.record_name_;
+    if (record_layout() == previous.record_layout()) {
+        record_ = std::move(previous.record_);
+        return;
+    }
+    // Its entries would carry this gateway's numbers under the other one's names.
+    record_again_ = record_name_;
+    uint64_t bytes;
+    previous.record_stop(bytes);
 }
 
 std::string Gateway::record_header() const {
     JsonOut j;
-    j.open('{').field("driveid", DRIVEID_VERSION).field("created", created()).field("clock", "monotonic").key("sources").open('[');
+    const bool fresh = std::none_of(drives_.begin(), drives_.end(), [](auto& d) {
+        return d->samples() > 0 || std::any_of(d->parameters().begin(), d->parameters().end(), [](auto& p) { return p.known; });
+    });
+    return j.open('{').field("driveid", DRIVEID_VERSION).field("created", created()).field("clock", "monotonic").field("from_start", fresh).raw(record_layout()).close('}').text();
+}
+
+std::string Gateway::record_layout() const {
+    JsonOut j;
+    j.key("sources").open('[');
     for (auto& s : sources_) j.open('{').field("name", s->config().name).field("kind", s->config().kind).field("address", s->address()).close('}');
     j.close(']').key("drives").open('[');
     for (auto& d : drives_) j.string(d->config().name);
     j.close(']').key("models").open('[');
     for (auto& d : drives_) j.string(d->model_text());
-    return j.close(']').field("config", config_.text).close('}').text();
+    return j.close(']').field("config", config_.text).text();
 }
 
 std::unique_ptr<RecordWriter> Gateway::make_record(const std::string& bare, std::string& error) {
-    if (bare.empty() || bare.size() > 200 || bare.find('/') != std::string::npos || bare[0] == '.') {
+    const bool control = std::any_of(bare.begin(), bare.end(), [](unsigned char c) { return c < 0x20 || c == 0x7f; });
+    if (bare.empty() || bare.size() > 200 || control || bare.find('/') != std::string::npos || bare[0] == '.') {
         error = "file must be a bare name below the record folder, such as \"run.drec\"";
         return nullptr;
     }
@@ -177,6 +198,7 @@ std::string Gateway::record_start(const std::string& bare) {
     if (!writer) return error;
     if (writer->error()) return writer->path() + ": " + strerror(writer->error()) + "; mend the folder";
     record_ = std::move(writer);
+    record_name_ = bare;
     log_event(Level::info, "record", "start", "", "recording into %s", record_->path().c_str());
     return "";
 }

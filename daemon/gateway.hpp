@@ -45,6 +45,7 @@ public:
     const std::vector<std::unique_ptr<Sink>>& sinks() const { return sinks_; }
     Drive* drive(const std::string& name) const;
 
+    bool same_as(const Gateway& other) const;                 // its file and its models: nothing to swap
     // Take over drives whose configuration is the same: they keep what they have learnt. Called between construction and start.
     void adopt(Gateway& previous, std::vector<std::string>& changed);
 
@@ -71,6 +72,7 @@ private:
     void make_sinks();
     void route();
     std::string record_header() const;
+    std::string record_layout() const;                        // what the numbers in a record's entries stand for
     std::unique_ptr<RecordWriter> make_record(const std::string& bare_name, std::string& error);
     void record_entry(EntryKind kind, uint16_t source, const driveid_stamp& stamp, const void* payload, size_t size);
 
@@ -82,6 +84,7 @@ private:
     std::vector<std::unique_ptr<Sink>> sinks_;
     std::vector<std::vector<Drive*>> listeners_;              // by source
     std::unique_ptr<RecordWriter> record_;
+    std::string record_name_, record_again_;                  // as it was asked for; what goes on in a file of its own after a reload
     std::vector<RecordWriter*> writers_;                      // of record sinks
     Player player_;
     JsonOut json_;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What no single key can say: names that must exist, geometry that must fit, ports that must differ.
 #include <algorithm>
+#include <arpa/inet.h>
 #include <cstdlib>
 #include <set>
 
@@ -23,6 +24,7 @@ public:
         for (const auto& s : c_.sources) source(s);
         for (const auto& d : c_.drives) drive(d);
         for (const auto& s : c_.sinks) sink(s);
+        buses();
         ports();
         sections();
     }
@@ -53,6 +55,11 @@ private:
         return nullptr;
     }
 
+    void numeric(const std::string& host, const Place& place, const std::string& what) {
+        in_addr address;
+        if (inet_pton(AF_INET, host.c_str(), &address) != 1) error(place, what, "\"" + host + "\" is no numeric IPv4 address, such as 192.168.0.10; names are not looked up");
+    }
+
     void source(const SourceConfig& s) {
         const std::string what = "source \"" + s.name + "\"";
         const auto needs = [&](const std::string& value, const char* key) {
@@ -63,6 +70,7 @@ private:
             if (s.interface.size() > 15) error(s.place, what + ".interface", "is longer than 15 characters; ip link shows the names");
         }
         if (s.kind == "replay") needs(s.file, "file");
+        if (s.kind == "modbus_tcp") numeric(s.host, s.place, what + ".host");
         if (s.kind == "slcan" || s.kind == "modbus_rtu") needs(s.device, "device");
         if (s.kind == "slcan") {
             static const int64_t rates[] = {10000, 20000, 50000, 100000, 125000, 250000, 500000, 800000, 1000000};
@@ -74,6 +82,9 @@ private:
     void field(const FieldConfig& f, const std::string& what) {
         const SourceConfig* s = find_source(f.source);
         if (!s) return error(f.place, what + ".source", "there is no source \"" + f.source + "\"; add it or mend the name");
+        if (f.scale == 0) error(f.place, what + ".scale", "is 0: every value would be the offset");
+        if (f.gear_ratio == 0) error(f.place, what + ".gear_ratio", "is 0: nothing would turn");
+        if (f.min > f.max) error(f.place, what + ".min", "is above max");
         const bool modbus = s->kind == "modbus_tcp" || s->kind == "modbus_rtu" || (s->kind == "replay" && f.address >= 0);
         if (modbus) return modbus_field(f, what);
         if (f.address >= 0) error(f.place, what + ".address", "source \"" + f.source + "\" is a CAN source; use can_id");
@@ -85,7 +96,7 @@ private:
         if (geometry.bytes() > longest)
             error(f.place, what + ".start_bit", "the field ends in byte " + std::to_string(geometry.bytes()) + " of a frame of " + std::to_string(longest) + "; mend start_bit, length or byte_order");
         if (f.wrap_counts > 0 && f.length < 63 && f.wrap_counts > (int64_t(1) << f.length)) error(f.place, what + ".wrap_counts", "does not fit into length bits");
-        if (f.min > f.max) error(f.place, what + ".min", "is above max");
+        if (f.mux_length > 0 && f.mux_value >> f.mux_length) error(f.place, what + ".mux.value", "does not fit into the selector's " + std::to_string(f.mux_length) + " bits");
     }
     void modbus_field(const FieldConfig& f, const std::string& what) {
         if (f.address < 0) return error(f.place, what + ".address", "is missing; add the register address, counted from 0");
@@ -147,6 +158,7 @@ private:
         if (s.kind == "record") {
             if (s.file.empty() || s.file.find('/') != std::string::npos || s.file[0] == '.') error(s.place, what + ".file", "must be a bare name below [record] folder, such as \"run.drec\"");
         }
+        if (s.kind == "modbus_server") numeric(s.host, s.place, what + ".host");
         if (s.kind != "can") return;
         if (s.drive.empty()) error(s.place, what + ".drive", "is missing; add the drive whose parameters it sends");
         const SourceConfig* source = find_source(s.source);
@@ -157,6 +169,17 @@ private:
         if (s.can_id > 0x7FF && !s.extended) error(s.place, what + ".can_id", "is longer than 11 bits; add extended = true");
     }
 
+    // Which identifiers are free is asked of one source: a bus under two names would hide what the other one hears.
+    void buses() {
+        std::set<std::string> used;
+        for (const auto& s : c_.sources) {
+            const bool socketcan = s.kind == "socketcan", slcan = s.kind == "slcan", pair = s.kind == "socketpair";
+            if (!socketcan && !slcan && !pair) continue;
+            const std::string port = socketcan ? s.interface : slcan ? s.device : "descriptor " + std::to_string(s.descriptor);
+            if (!port.empty() && !used.insert(s.kind + " " + port).second)
+                error(s.place, "source \"" + s.name + "\"." + (socketcan ? "interface" : slcan ? "device" : "descriptor"), port + " is another source's already; name that source in signals and sinks");
+        }
+    }
     void ports() {
         std::set<std::string> used;
         for (const auto& s : c_.sinks)
@@ -167,13 +190,14 @@ private:
     void sections() {
         char* end = nullptr;
         const long mode = strtol(c_.control.mode.c_str(), &end, 8);
-        if (c_.control.mode.empty() || *end || mode < 0 || mode > 0777) error({1}, "control.mode", "must be octal permissions such as \"0660\"");
+        if (c_.control.mode.empty() || *end || mode < 0 || mode > 0777) error(c_.control.place, "control.mode", "must be octal permissions such as \"0660\"");
+        if (config_path(c_, c_.control.socket).size() > 107) error(c_.control.place, "control.socket", "is longer than the 107 characters that a socket's path may have; choose a shorter one");
         const std::string& f = c_.record.file;
-        if (!f.empty() && (f.find('/') != std::string::npos || f[0] == '.')) error({1}, "record.file", "must be a bare name; the folder is record.folder");
+        if (!f.empty() && (f.find('/') != std::string::npos || f[0] == '.')) error(c_.record.place, "record.file", "must be a bare name; the folder is record.folder");
         const std::string& m = c_.system.metrics;
         const size_t colon = m.rfind(':');
         if (!m.empty() && (colon == std::string::npos || atoi(m.c_str() + colon + 1) < 1 || atoi(m.c_str() + colon + 1) > 65535 || !(m.starts_with("127.") || m.starts_with("[::1]"))))
-            error({1}, "system.metrics", "must be a loopback address with port, such as \"127.0.0.1:9464\"");
+            error(c_.system.place, "system.metrics", "must be a loopback address with port, such as \"127.0.0.1:9464\"");
     }
 
     const Config& c_;

@@ -11,25 +11,30 @@ namespace gw {
 struct Place { int line = 0; };  // where a table begins, for messages that concern it as a whole
 
 struct ControlConfig {
+    Place place;
     std::string socket, mode, group, write_group;
     int64_t clients, queue_bytes;
 };
 
 struct RecordConfig {
+    Place place;
     std::string folder, file;
     int64_t max_bytes, buffer_bytes;
 };
 
 struct StateConfig {
+    Place place;
     std::string folder;
     double period_s;
 };
 
 struct SecurityConfig {
+    Place place;
     std::string user, seccomp;
 };
 
 struct SystemConfig {
+    Place place;
     std::string log_level, metrics;
     int64_t realtime_priority;
     bool lock_memory;

@@ -145,8 +145,9 @@ is larger or unknown; byte 6 bit 0 valid, bits 4..7 state (0 waiting, 1 identify
 Input registers of a `modbus_server`: each drive has state, alarm, rate in 0.1 Hz, and number of parameters (4 registers); each parameter has its value and half-width (f32, high
 word first), valid, and age in 0.1 s, 65535 where there has been no value yet (6 registers). Reading input registers is the only function that it answers.
 
-`SIGHUP` (or `reload` over the control socket) reads the file anew: a wrong one changes nothing; drives that are the same keep what they have learnt. `[control]`, `[security]` and
-`[system]` are read at start only.
+`SIGHUP` (or `reload` over the control socket) reads the file anew: a wrong one changes nothing; drives that are the same keep what they have learnt; a record goes on in
+`NAME-1.drec`, since its numbers of drives and sources are the old file's. A file without a change closes nothing. One that would close a port below 1024 which the daemon, another user by now,
+could not open again is refused. `[control]`, `[security]` and `[system]` are read at start only.
 )";
 
 }  // namespace

@@ -305,6 +305,7 @@ template <class S>
 void read_section(Reader& reader, const toml::table& root, const char* name, std::span<const Key<S>> keys, S& target) {
     static const toml::table empty;
     const toml::table* t = section(reader, root, name);
+    if (t) target.place.line = int(t->source().begin.line);
     reader.read<S>(t ? *t : empty, name, keys, target);
 }
 

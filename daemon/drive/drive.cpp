@@ -11,6 +11,7 @@ namespace gw {
 
 namespace {
 constexpr double kSaturated = 0.05;                      // of the samples
+constexpr uint64_t kIncompleteTold = 200;                // sets of values
 constexpr double kMemory_s = 10;                         // of the estimator, where the configuration leaves it
 constexpr int64_t kChangeNs = 2 * DRIVEID_NS_PER_S;     // a residual alarm and the watch see one change within this
 constexpr int64_t kAlarmHoldNs = 30 * DRIVEID_NS_PER_S;  // a restart is a mismatch for this long in the drive's time
@@ -170,12 +171,23 @@ bool Drive::counter_says_skip(uint64_t now, unsigned bits, bool each) {
 
 void Drive::values(uint32_t mask, const double* value, const driveid_stamp& stamp) {
     driveid_sample s;
-    if (!aligner_.add(mask, value, stamp, s)) return;
+    if (!aligner_.add(mask, value, stamp, s)) return tell_incomplete();
     if (config_.paced) s.stamp.t_ns = pacer_.instant(s.stamp.t_ns, config_.has_counter ? counted_ : 0);
     const bool torn = config_.paced && pacer_.torn();
     if (torn) tear(torn_ ? 0 : 1);
     torn_ = torn;
     shifter_.add(s, [this](const driveid_sample& shifted) { sample(shifted); });
+}
+
+// Values that never come together are no loss of the bus: nothing else would say why there are no samples.
+void Drive::tell_incomplete() {
+    const AlignCounters& n = aligner_.counters();
+    if (n.incomplete - incomplete_told_ < kIncompleteTold) return;
+    const bool most = n.incomplete - incomplete_told_ > n.samples - samples_told_;
+    incomplete_told_ = n.incomplete, samples_told_ = n.samples;
+    if (most)
+        log_event(Level::warning, config_.name.c_str(), "align", "raise align_tolerance_s, or say with the signals' delay_s how old they are",
+                  "most values are thrown away: those of one sample arrive further apart than align_tolerance_s, %g s, or one of them is missing", config_.align_tolerance_s);
 }
 
 void Drive::gap(int source, uint64_t lost) {
@@ -374,7 +386,7 @@ bool Drive::valid(const ParameterReport& p, int64_t now_ns) const {
 
 double Drive::age_s(const ParameterReport& p, int64_t now_ns) const {
     const int64_t now = replayed_ ? last_ns_ : now_ns;
-    return p.restored_age_s >= 0 ? p.restored_age_s + double(now_ns - p.t_ns) * 1e-9 : double(now - p.t_ns) * 1e-9;
+    return p.restored_age_s >= 0 ? p.restored_age_s + double(now_ns - p.t_ns) * 1e-9 : std::max(0.0, double(now - p.t_ns) * 1e-9); // a replay may have begun again
 }
 
 DriveCounters Drive::counters() const {

@@ -101,6 +101,7 @@ private:
     void make_estimator(uint32_t present);
     void make_shifter(const Config& all, uint32_t waited);
     void values(uint32_t mask, const double* value, const driveid_stamp& stamp);
+    void tell_incomplete();
     void tear(unsigned gaps);
     bool holds_what_was(int64_t since_ns) const;
     void follow_saturation(int64_t t_ns);
@@ -142,6 +143,7 @@ private:
     Pacer pacer_;
     Shifter shifter_;
     bool torn_ = false;              // the time line was torn at the last sample
+    uint64_t incomplete_told_ = 0, samples_told_ = 0;
     uint32_t saturations_ = 0;       // q31: values beyond their range, as the estimator counts them
     uint64_t samples_seen_ = 0;      // at the last report
     int64_t saturated_until_ns_ = 0; // and how long they are remembered

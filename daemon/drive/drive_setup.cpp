@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <filesystem>
 #include <fstream>
 #include <sstream>
 #include <stdexcept>
@@ -16,6 +17,8 @@
 namespace gw {
 
 namespace {
+
+constexpr uintmax_t kLongestModel = 1 << 20;
 
 int source_index(const std::vector<SourceConfig>& sources, const std::string& name) {
     for (size_t k = 0; k < sources.size(); ++k)
@@ -49,6 +52,9 @@ void Drive::load_model(const Config& all) {
     char reason[512] = "";
     if (!config_.model.empty()) {
         const std::string path = config_path(all, config_.model);
+        std::error_code ec;
+        if (!std::filesystem::is_regular_file(path, ec) || std::filesystem::file_size(path, ec) > kLongestModel)
+            throw std::runtime_error(where(all, config_) + "model " + path + (std::filesystem::exists(path, ec) ? " is no model file: a text of at most 1 MiB" : " cannot be read; check its name and permissions"));
         std::ifstream file(path, std::ios::binary);
         std::stringstream text;
         text << file.rdbuf();

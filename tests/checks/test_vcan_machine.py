@@ -21,7 +21,7 @@ def machine(*arguments, tmp, **kwargs):
 
 
 def nothing_left(tmp):
-    for _ in range(30):
+    for _ in range(300):
         left = subprocess.run(["pgrep", "-f", str(tmp)], capture_output=True, text=True).stdout.split()
         if not left:
             break

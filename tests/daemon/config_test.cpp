@@ -111,6 +111,12 @@ TEST(Config, EachMistakeIsNamedWithLineKeyAndMend) {
         {"name = \"plc\"", "name = \"p l c\"", 6, "source.name", "letters, digits"},
         {"name = \"plc\"\n", "name = \"plc\"\ninterface = \"x\"\n", 8, "interface", "does not belong to kind \"modbus_tcp\""},
         {"[[source]]\nname = \"plc\"", "[source2]\nname = \"plc\"", 6, "source2", "did you mean \"source\""},
+        {"kind = \"modbus_tcp\"\n", "kind = \"socketcan\"\ninterface = \"vcan0\"\n", 6, "source \"plc\".interface", "another source's already"},
+        {"kind = \"modbus_tcp\"\n", "kind = \"modbus_tcp\"\nhost = \"localhost\"\n", 6, "source \"plc\".host", "numeric IPv4"},
+        {"length = 16\n", "length = 16\n  scale = 0\n", 14, "scale", "is 0"},
+        {"counts_per_turn = 65536", "counts_per_turn = 65536\n  gear_ratio = 0.0", 20, "gear_ratio", "is 0"},
+        {"format = 1\n", "format = 1\n[control]\nmode = \"rw\"\n", 2, "control.mode", "octal"},
+        {"format = 1\n", "format = 1\n\n[system]\nmetrics = \"0.0.0.0:9\"\n", 3, "system.metrics", "loopback"},
         {"interface = \"vcan0\"", "interface = ", 5, "TOML", "mend"},
         {"interface = \"vcan0\"", "interface = \"a\\u0007b\"", 5, "interface", "control character"},
     };

@@ -312,9 +312,3 @@ def test_metrics_page(gateway):
     assert abs(float(lines['driveid_parameter{drive="axis1",parameter="J_kgm2"}']) / 2e-4 - 1) < 0.05
     with pytest.raises(urllib.error.HTTPError):
         urllib.request.urlopen(f"http://127.0.0.1:{port}/", timeout=10)
-
-
-def test_a_name_instead_of_an_address_is_told(gateway):
-    gateway.start('[[source]]\nname = "plc"\nkind = "modbus_tcp"\nhost = "localhost"\n[[drive]]\nname = "a"\nstructure = "rigid_axis"\ndt_s = 0.02\n'
-                  '  [[drive.signal]]\n  name = "tau_Nm"\n  source = "plc"\n  address = 5\n  [[drive.signal]]\n  name = "omega_rad_s"\n  source = "plc"\n  address = 6\n', buses=0)
-    assert "numeric" in gateway.until(lambda s: s["sources"][0]["errors"] >= 1)["sources"][0]["last_error"]

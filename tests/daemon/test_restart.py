@@ -4,14 +4,16 @@ import json
 import os
 import shutil
 import signal
+import socket
 import struct
 import subprocess
+import tempfile
 import time
 import zlib
 
 import pytest
 from faults import recovery
-from gateway import DAEMON, SLOW, SOCKETPAIR, Axis, J, drive, near_truth, parameters
+from gateway import DAEMON, SLOW, SOCKETPAIR, Axis, Gateway, J, drive, frame, near_truth, parameters
 
 STATE = '[state]\nfolder = "state"\nperiod_s = 0.1\n'
 
@@ -121,6 +123,60 @@ def test_reload_keeps_what_is_unchanged_and_refuses_what_is_wrong(gateway):
     assert status["drives"][0]["samples"] == 6000 and near_truth(status)
     gateway.feed(axis, 1000, start)
     assert gateway.until(lambda s: s["drives"][0]["samples"] == 7000) and near_truth(gateway.status())
+
+
+def test_a_reload_without_a_change_closes_nothing(gateway):
+    gateway.start(SOCKETPAIR + drive(keys="stale_s = 1000"))
+    gateway.feed(Axis(), 500)
+    gateway.settle(500)
+    reload(gateway, "configuration reloaded, 0 changes")
+    status = gateway.status()
+    assert status["sources"][0]["frames"] == 500 and status["drives"][0]["samples"] == 500
+
+
+def test_a_record_goes_on_in_a_file_of_its_own_when_a_reload_renumbers(gateway):
+    """The entries number drives and sources as the header names them."""
+    record = '[record]\nfolder = "."\nfile = "live.drec"\n'
+    gateway.start(record + SOCKETPAIR + drive())
+    axis = Axis()
+    start = gateway.feed(axis, 300)
+    gateway.settle(300)
+    gateway.write(record + SOCKETPAIR + drive("front", can_id=0x201) + drive())
+    reload(gateway, "configuration reloaded")
+    gateway.feed(axis, 200, start)
+    gateway.until(lambda s: s["drives"][1]["samples"] >= 500)
+    assert gateway.stop() == 0
+    for name, drives, samples in (("live.drec", ["axis1"], 300), ("live-1.drec", ["front", "axis1"], 200)):
+        header, found = entries(gateway.folder / name)
+        assert header["drives"] == drives and header["from_start"] is (name == "live.drec")
+        assert [drives[source] for kind, source, _, _ in found if kind == 3] == ["axis1"] * samples
+
+
+@pytest.mark.skipif(os.getuid() != 0, reason="needs root")
+def test_a_reload_that_would_lose_a_privileged_port_is_refused():
+    with tempfile.TemporaryDirectory() as folder:
+        os.chmod(folder, 0o755)
+        gateway = Gateway(folder)
+        text = SOCKETPAIR + drive() + '[[sink]]\nname = "regs"\nkind = "modbus_server"\nport = 817\n'
+        try:
+            gateway.start(text, security='[security]\nuser = "nobody"\n')
+            gateway.write(text.replace("817", "817\nunit = 7"), security='[security]\nuser = "nobody"\n')
+            reload(gateway, "privileges that are gone")
+            assert gateway.status()["sinks"][0]["state"] == "open"
+            socket.create_connection(("127.0.0.1", 817), 5).close()
+        finally:
+            gateway.close()
+
+
+def test_values_that_never_meet_in_a_sample_are_told(gateway):
+    apart = drive(keys="align_tolerance_s = 0.0002").replace('name = "theta_rad"\n  source = "bus"\n  can_id = 385', 'name = "theta_rad"\n  source = "bus"\n  can_id = 386')
+    gateway.start(SOCKETPAIR + apart)
+    start = time.monotonic_ns()
+    for k in range(600):
+        for identifier, late_ns in ((0x181, 0), (0x182, 550_000)):
+            gateway.bus[0].send(frame(identifier, bytes(8), start + k * 1_000_000 + late_ns))
+    gateway.until(lambda s: s["drives"][0]["dropped"] >= 400)
+    assert gateway.text().count("align_tolerance_s") >= 1 and "delay_s" in gateway.text()
 
 
 def entries(path):

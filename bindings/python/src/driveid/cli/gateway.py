@@ -178,7 +178,10 @@ def _replay_library(file: str, model_file: str | None, drive: str | None, change
         table.add_row(name, units.estimate(value, lo, hi, units.split_name(name)[1]), "yes" if ok else "no")
     console.print(table)
     if check.compared:
-        console.print(f"{check.identical} of {check.compared} recorded estimates repeated bit for bit" + ("" if check.identical == check.compared else f"; worst relative difference {check.worst:.3g}"))
+        apart = "" if check.identical == check.compared else f"; worst relative difference {check.worst:.3g}"
+        if apart and not check.from_start:
+            apart = "; the gateway had learnt, or restored, something before this record began: a replay has only what is in the record"
+        console.print(f"{check.identical} of {check.compared} recorded estimates repeated bit for bit{apart}")
 
 
 def _plain(value: float) -> float | None:
