@@ -15,17 +15,17 @@ constexpr double kStrayed = 4;   // a value this many times away is another mini
 
 bool strayed(double before, double after) { return !std::isfinite(after) || (before != 0 && (std::fabs(after) > kStrayed * std::fabs(before) || std::fabs(after) < std::fabs(before) / kStrayed)); }
 
-const driveid_effect_use *use_of(const driveid_model &model, const char *name, int which) {
-  for (uint32_t e = 0; e < model.effects; e++)
+const driveid_effect_use *use_of(const driveid_model &model, uint32_t first, const char *name, int which) {
+  for (uint32_t e = first; e < model.effects; e++)
     if (!std::strcmp(model.effect[e].name, name) && which-- == 0) return &model.effect[e];
   return nullptr;
 }
 
-// The first member of an effect keeps its names, further ones carry _2, _3 (cogging of several orders).
-void copy_values(Ranked &ranked, const driveid_model &model) {
+// The first member of an effect keeps its names, further ones carry _2, _3 (cogging of several orders); those of the user's own model are not meant.
+void copy_values(Ranked &ranked, const driveid_model &model, uint32_t first) {
   for (Value &value : ranked.parameters)
     for (int which = 0; which < 4; which++) {
-      const driveid_effect_use *use = use_of(model, ranked.effect.c_str(), which);
+      const driveid_effect_use *use = use_of(model, first, ranked.effect.c_str(), which);
       for (uint32_t k = 0; use && k < use->params; k++) {
         const driveid_param &p = use->param[k];
         if (value.name != (which ? std::string(p.name) + "_" + std::to_string(which + 1) : std::string(p.name))) continue;
@@ -78,7 +78,7 @@ void refine_ranked(Explanation &x) {
     }
   x.grown = refined;
   for (Ranked &r : x.ranked)
-    if (r.accepted) copy_values(r, refined);
+    if (r.accepted) copy_values(r, refined, first);
 }
 
 }  // namespace driveid::diagnose

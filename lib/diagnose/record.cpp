@@ -288,6 +288,7 @@ Prepared prepare(const driveid_record &record, const driveid_model &model) {
     }
     p.quality[name] = q;
   }
+  notice_unused(p, model);
   take_out_clipped(p, model);
   Roles roles = roles_of(model, p);
   if (!roles.position.empty() && !roles.speed.empty()) check_speed(p, roles.position, roles.speed);

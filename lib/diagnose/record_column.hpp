@@ -28,6 +28,8 @@ void notice_steps(const std::string &name, const SignalQuality &q, std::vector<N
 // Rows that a clipped column falsifies become gaps.
 void take_out_clipped(Prepared &record, const driveid_model &model);
 
+void notice_unused(Prepared &record, const driveid_model &model);
+
 // A speed column against the derivative of the angle: sign, unit and lag.
 void check_speed(Prepared &record, const std::string &position, const std::string &speed);
 

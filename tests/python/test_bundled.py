@@ -36,3 +36,12 @@ def test_the_floor_is_that_of_the_record_with_and_without_the_effects(fitted):
     for model in (first.model, fit.model):
         low, high = driveid.compare(model, training).document["records"][0]["equation"]["noise_floor"]
         assert low < NOISE_NM < high < 1.4 * NOISE_NM, (low, high)
+
+
+def test_a_further_order_of_what_the_model_has_is_named_by_its_own_order(fitted):
+    """The simulator gives some cogging a weaker wave of twice the order, as this one: 0.15 to 0.5 of the first."""
+    fit, training, held_out = fitted
+    found = driveid.explain(fit.model, training, held_out=held_out).document["ranked"][0]
+    assert found["effect"] == "cogging" and found["accepted"]
+    assert found["parameters"]["N"]["value"] == pytest.approx(42, abs=0.01)
+    assert 0.15 < found["parameters"]["A_Nm"]["value"] / TRUTH["A_Nm"] < 0.55

@@ -181,6 +181,15 @@ def test_stamps_with_too_few_digits_are_said_and_spread(tmp_path, whole):
         assert abs(fit.parameters[name].value - whole.parameters[name].value) < 0.1 * (high - low)
 
 
+def test_columns_that_a_structure_does_not_use_are_named(tmp_path, whole):
+    def more(columns):
+        columns["theta_l_rad"], columns["v_V"], columns["mood"] = columns["theta_rad"] / 2, 3 * columns["i_A"], columns["t_s"]
+
+    said = [n for n in driveid.compare(whole.model, damaged(tmp_path, more)).document["notices"] if n["kind"] == "unused"]
+    assert len(said) == 1 and "rigid_axis does not use theta_l_rad (two_mass_axis fits it), v_V (dc_drive" in said[0]["text"], said
+    assert "unused" not in kinds(whole)
+
+
 def cut_example(folder, share):
     """The bundled example with its current cut off by a sensor whose range leaves out so many of the rows."""
     rows = list(csv.reader(gzip.open(bundled_example().training[0], "rt")))
