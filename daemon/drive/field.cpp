@@ -92,10 +92,16 @@ Scaler::Result Scaler::convert(uint64_t raw, int64_t t_ns, double& value) {
         value = v;
         return jump ? Result::jump : Result::ok;
     }
-    if (wrap_ != ~uint64_t(0) && raw >= wrap_) return Result::out_of_range;
+    const bool is_signed = number_ == Number::signed_integer;
+    const int64_t first = is_signed ? sign_extend(raw, bits_) : int64_t(raw);
+    if (wrap_ != ~uint64_t(0)) {
+        const bool below = is_signed && first < 0;  // an angle from -180 to 180 degrees: its place on the turn
+        if ((below ? 0 - uint64_t(first) : raw) >= wrap_) return Result::out_of_range;
+        if (below) raw = uint64_t(first) + wrap_;
+    }
     int64_t step = 0;
     if (!primed_) {
-        count_ = number_ == Number::signed_integer ? sign_extend(raw, bits_) : int64_t(raw);
+        count_ = first;
     } else if (wrap_ == ~uint64_t(0)) {
         step = int64_t(raw - last_raw_);
     } else {  // the shorter way round

@@ -163,6 +163,23 @@ TEST(Scaler, WrapOfOwnSizeAndSignedStart) {
     EXPECT_NEAR(v, (-1.0 - 2147483648.0) * 2 * kPi / 65536, 1e-6);
 }
 
+TEST(Scaler, ASignedAngleWrapsAtItsOwnTurn) {
+    FieldConfig c = plain();
+    c.scale = 0.1, c.wrap_counts = 3600;  // -180 .. 179.9 degrees
+    Scaler s(c, Number::signed_integer, 16);
+    double v;
+    EXPECT_EQ(s.convert(uint64_t(-1795) & 0xFFFF, 0, v), Scaler::Result::ok);
+    EXPECT_NEAR(v, -179.5, 1e-12);
+    EXPECT_EQ(s.convert(1795, 1, v), Scaler::Result::ok);
+    EXPECT_NEAR(v, -180.5, 1e-12);
+    EXPECT_EQ(s.convert(uint64_t(-1800) & 0xFFFF, 2, v), Scaler::Result::ok);
+    EXPECT_NEAR(v, -180, 1e-12);
+    EXPECT_EQ(s.convert(1800, 3, v), Scaler::Result::ok) << "the other name of -180";
+    EXPECT_NEAR(v, -180, 1e-12);
+    EXPECT_EQ(s.convert(3600, 4, v), Scaler::Result::out_of_range);
+    EXPECT_EQ(s.convert(uint64_t(-3600) & 0xFFFF, 5, v), Scaler::Result::out_of_range);
+}
+
 TEST(Scaler, RangeAndJump) {
     FieldConfig c = plain();
     c.min = -5, c.max = 5, c.max_rate = 100;

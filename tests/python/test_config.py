@@ -114,3 +114,42 @@ def test_import_dbc_with_pages_and_j1939_reads_what_cantools_encodes(driveid, da
     k = [j for j in range(50) if j != 30]
     assert record.rows == 49 and record["i_q_A"] == pytest.approx([0.01 * j for j in k]) and speed == pytest.approx([10.0 * j for j in k])
     assert record["T_degC"] == pytest.approx([20 + j for j in k])
+
+
+@pytest.mark.parametrize("words", ['a "b', "back\\slash", "tab\tnew\nline", "del\x7f", "µ 🚗"])
+def test_import_dbc_quotes_what_it_is_told(driveid, words):
+    (driveid.folder / "d.dbc").write_text(DBC.replace('"degC"', '"a\nb"'))
+    code, _, err = driveid("config", "import-dbc", "d.dbc", "--map", "i_q_A=Iq", "--map", "T_degC=temp:degC", "--drive", words, "--interface", words, "-o", "gw.toml")
+    assert code == 0, err
+    config = tomllib.loads((driveid.folder / "gw.toml").read_text())
+    assert config["drive"][0]["name"] == words and config["source"][0]["interface"] == words
+
+
+@pytest.mark.parametrize("dt", ["nan", "0", "inf", "-1", "1000"])
+def test_import_refuses_a_sample_time_that_is_none(driveid, dt):
+    (driveid.folder / "d.dbc").write_text(DBC)
+    for arguments in (["import-dbc", "d.dbc", "--map", "i_q_A=Iq"], ["import-eds", "d.eds", "--node", "1"]):
+        code, out, err = driveid("config", *arguments, "--dt", dt)
+        assert code == 2 and out == "" and "--dt" in err, err
+
+
+def test_import_keeps_the_sample_time_to_the_last_digit(driveid):
+    (driveid.folder / "d.dbc").write_text(DBC)
+    code, out, err = driveid("config", "import-dbc", "d.dbc", "--map", "i_q_A=Iq", "--dt", "0.00012345678")
+    assert code == 0 and tomllib.loads(out)["drive"][0]["dt_s"] == 0.00012345678
+    code, _, err = driveid("config", "import-dbc", "d.dbc", "--map", "i_q_A=Iq", "--structure", "rigid_axs")
+    assert code == 2 and "Did you mean 'rigid_axis'" in err
+
+
+def test_check_finds_the_daemon_that_the_clone_has_built(tmp_path, monkeypatch):
+    """tools/setup makes .venv and build/ side by side: no $DRIVEIDD, nothing on the PATH."""
+    from driveid.cli import settings
+    monkeypatch.delenv("DRIVEIDD", raising=False)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setattr(settings.sys, "prefix", str(tmp_path / ".venv"))
+    assert settings.find_daemon() is None
+    program = tmp_path / "build/daemon/driveidd"
+    program.parent.mkdir(parents=True)
+    program.write_text("#!/bin/sh\n")
+    program.chmod(0o755)
+    assert settings.find_daemon() == str(program)

@@ -3,10 +3,12 @@
 
 from __future__ import annotations
 
+import json
 import math
 from pathlib import Path
 
 from . import units
+from .dbc_wrap import wrap_counts
 from ._core import SIGNALS
 from .errors import UsageError, close_names
 from .records.dbc import j1939_last, load_dbc
@@ -116,14 +118,32 @@ def from_dbc(path: Path, maps, *, interface: str, structure: str, drive: str, dt
         raise UsageError(f"{path}: no signal is known by name or unit. Say which is which: --map i_q_A=SIGNAL --map theta_rad=SIGNAL:deg. There are: {names}")
     cycle = [m.cycle_time for m, _, _, _ in chosen if m.cycle_time]
     if dt_s is None:
-        dt_s = min(cycle) * 1e-3 if cycle else 0.001
+        dt_s = min(cycle) / 1000 if cycle else 0.001
         if not cycle:
             notices.append("the DBC tells no cycle time: dt_s = 0.001 is a guess, mend it")
     blocks = [_signal(m, s, name, unit, notices) for m, s, name, unit in chosen]
-    text = HEAD + f'\n[[source]]\nname = "can0"\nkind = "socketcan"\ninterface = "{interface}"\n'
+    text = HEAD + can_source(interface)
     if any(m.is_fd for m, _, _, _ in chosen):
         text += "fd = true\n"
-    return text + f'\n[[drive]]\nname = "{drive}"\nstructure = "{structure}"\ndt_s = {dt_s:g}\n' + "".join(blocks), notices
+    return text + drive_head(drive, structure, dt_s) + "".join(blocks), notices
+
+
+def quoted(text: str) -> str:
+    """A TOML basic string: JSON's, but for DEL."""
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007F")
+
+
+def can_source(interface: str) -> str:
+    return f'\n[[source]]\nname = "can0"\nkind = "socketcan"\ninterface = {quoted(interface)}\n'
+
+
+def drive_head(drive: str, structure: str, dt_s: float) -> str:
+    return f"\n[[drive]]\nname = {quoted(drive)}\nstructure = {quoted(structure)}\ndt_s = {dt_s!r}\n"
+
+
+def _remark(text: str) -> str:
+    """Fit for a comment: one line, nothing that does not print."""
+    return "".join(c if c.isprintable() else " " for c in text)
 
 
 def _choose(path: Path, found, maps: dict[str, Source]):
@@ -160,7 +180,7 @@ def _signal(message, signal, name: str, unit: str, notices: list[str]) -> str:
         convert = convert.negated()
     scale = float(signal.scale) * convert.factor
     offset = float(signal.offset) * convert.factor + convert.offset
-    lines = [f'\n  [[drive.signal]]\n  name = "{name}"  # {message.name}.{signal.name}' + (f" [{signal.unit}]" if signal.unit else ""),
+    lines = [f'\n  [[drive.signal]]\n  name = "{name}"  # {message.name}.{signal.name}' + (f" [{_remark(signal.unit)}]" if signal.unit else ""),
              '  source = "can0"']
     if message.protocol == "j1939":
         lines.append(f"  pgn = {pgn_of(message.frame_id)}  # any priority and sender")
@@ -171,12 +191,14 @@ def _signal(message, signal, name: str, unit: str, notices: list[str]) -> str:
         lines.append(f'  encoding = "f{signal.length}"')
     elif signal.is_signed:
         lines.append("  signed = true")
-    angle = name in ("theta_rad", "theta_l_rad", "x_m") and not signal.is_float
+    wrap = 0
+    if name in ("theta_rad", "theta_l_rad", "x_m") and not signal.is_float and signal.length < 53:
+        wrap = 1 << signal.length if name == "x_m" else wrap_counts(signal, scale, unit.lower().startswith("count"), f"{message.name}.{signal.name}", notices)
     lines.append(f"  scale = {scale!r}")
     if offset:
         lines.append(f"  offset = {offset!r}")
-    if angle and signal.length < 53:
-        lines.append(f"  wrap_counts = {1 << signal.length}")
+    if wrap:
+        lines.append(f"  wrap_counts = {wrap}")
     elif message.protocol == "j1939" and not signal.is_signed and not signal.is_float:
         lines.append(f"  {'max' if scale > 0 else 'min'} = {(j1939_last(signal.length) + 0.5) * scale + offset!r}  # beyond it: error, or not available")
     if signal.multiplexer_ids:

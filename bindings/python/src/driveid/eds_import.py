@@ -8,7 +8,7 @@ import math
 from dataclasses import dataclass
 from pathlib import Path
 
-from .dbc_import import HEAD
+from .dbc_import import HEAD, can_source, drive_head
 from .errors import UsageError
 
 POSITION, VELOCITY, TORQUE, CURRENT = 0x6064, 0x606C, 0x6077, 0x6078
@@ -38,8 +38,7 @@ def from_eds(path: Path, node_id: int, ratings: Ratings, *, interface: str, stru
     used = {id(found[index][0]): found[index][0] for index, _, _ in chosen}.values()
     sync = _sync(od, used, notices)
     dt_s = dt_s or _period(od, used, notices)
-    text = HEAD + f'\n[[source]]\nname = "can0"\nkind = "socketcan"\ninterface = "{interface}"\n'
-    text += f'\n[[drive]]\nname = "{drive}"\nstructure = "{structure}"\ndt_s = {dt_s:g}\n'
+    text = HEAD + can_source(interface) + drive_head(drive, structure, dt_s)
     if sync is not None:
         text += f"instant_can_id = 0x{sync:X}  # SYNC: the values after it were taken at its instant\n"
     return text + "".join(_signal(*found[index], name, lines) for index, name, lines in chosen), notices

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
 from contextlib import contextmanager
 from pathlib import Path
@@ -57,6 +58,16 @@ class DriveidCommand(click.Command):
         if needed < 0:
             return "=" in word and not Path(word).exists()
         return positionals >= needed
+
+
+class FiniteRange(click.FloatRange):
+    """FloatRange lets nan through: it is neither below nor above."""
+
+    def convert(self, value, param, ctx):
+        number = super().convert(value, param, ctx)
+        if not math.isfinite(number):
+            self.fail(f"{value} is no number to go by", param, ctx)
+        return number
 
 
 def invoke_guard(function):
