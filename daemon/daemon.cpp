@@ -20,6 +20,8 @@
 namespace gw {
 
 namespace {
+constexpr int kReplayFailed = 2;
+
 sigset_t watched_signals() {
     sigset_t set;
     sigemptyset(&set);
@@ -127,9 +129,22 @@ bool Daemon::idle() {
     const bool more = gateway_->work();
     if (!ended_ && gateway_->replay_ended()) {
         ended_ = true;
-        if (options_.exit_at_end) loop_.stop();
+        if (options_.exit_at_end) {
+            exit_code_ = replay_failed() ? kReplayFailed : 0;
+            loop_.stop();
+        }
     }
     return more;
+}
+
+bool Daemon::replay_failed() const {
+    bool any = false;
+    for (auto& s : gateway_->sources()) {
+        if (s->config().kind != "replay") continue;
+        if (s->status().state == "closed") return true;
+        any |= s->status().frames > 0;
+    }
+    return !any;
 }
 
 int Daemon::run() {
@@ -155,7 +170,7 @@ int Daemon::run() {
     loop_.run();
     notify("STOPPING=1");
     save();
-    return 0;
+    return exit_code_;
 }
 
 }  // namespace gw

@@ -34,6 +34,7 @@ private:
     void tick();
     void save();
     bool idle();
+    bool replay_failed() const;   // one cannot be opened, or all together hold no frame
 
     RunOptions options_;
     Loop loop_;
@@ -44,6 +45,7 @@ private:
     Timer second_, saver_, watchdog_;
     int64_t started_ns_, last_tick_ns_;
     bool ended_ = false;
+    int exit_code_ = 0;
 };
 
 }  // namespace gw

@@ -28,15 +28,18 @@ T get(const uint8_t* p) {
 
 static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__);
 
-void read_sources(const std::string& text, std::vector<RecordedSource>& out) {
+// False where the text is no JSON object.
+bool read_sources(const std::string& text, std::vector<RecordedSource>& out) {
     const auto json = nlohmann::json::parse(text, nullptr, false);
-    if (!json.is_object() || !json.contains("sources") || !json["sources"].is_array()) return;
+    if (!json.is_object()) return false;
+    if (!json.contains("sources") || !json["sources"].is_array()) return true;
     for (const auto& s : json["sources"]) {
         const auto text_of = [&](const char* key) {
             return s.is_object() && s.contains(key) && s[key].is_string() ? s[key].get<std::string>() : std::string();
         };
         out.push_back({text_of("name"), text_of("kind"), text_of("address")});
     }
+    return true;
 }
 
 }  // namespace
@@ -82,7 +85,7 @@ bool DrecReader::open(const std::string& path, std::string& error) {
         error = path + ": its header is damaged";
         return false;
     }
-    read_sources(json, sources_);
+    header_readable_ = read_sources(json, sources_);
     buffer_.resize(4 * (kDrecEntryHeader + kDrecPayloadMax));
     begin_ = end_ = 0;
     return true;

@@ -45,6 +45,7 @@ public:
     bool next(EntryHeader& header, std::vector<uint8_t>& payload);
     const std::vector<RecordedSource>& sources() const { return sources_; }
     uint64_t damaged() const { return damaged_; }
+    bool header_readable() const { return header_readable_; }  // else sources() is empty
 
     struct Closer { void operator()(FILE* f) const { if (f) fclose(f); } };
 
@@ -57,6 +58,7 @@ private:
     std::vector<uint8_t> buffer_;
     size_t begin_ = 0, end_ = 0;
     uint64_t damaged_ = 0;
+    bool header_readable_ = false;
 };
 
 }  // namespace gw

@@ -70,6 +70,8 @@ void ReplaySource::start() {
         log_event(Level::error, config_.name.c_str(), "open", "name a .drec or a candump .log", "%s", error.c_str());
         return;
     }
+    if (is_drec_ && !drec_.header_readable())
+        log_event(Level::warning, config_.name.c_str(), "header", "every frame is taken, whatever its source", "%s: its header is damaged: the names of its sources are lost", path_.c_str());
     status_.state = "open";
     status_.clock = "record";
     advance();
@@ -115,7 +117,17 @@ void ReplaySource::advance() {
     if (is_drec_) status_.errors = drec_.damaged();
     if (pending_) return;
     status_.state = "ended";
+    tell_end();
     consumer_.on_end(index_);
+}
+
+void ReplaySource::tell_end() {
+    const char* name = config_.name.c_str();
+    if (is_drec_ && drec_.damaged() > 0)
+        log_event(Level::warning, name, "damaged", "what is whole was taken", "%s: %llu damaged stretches were skipped", path_.c_str(), static_cast<unsigned long long>(drec_.damaged()));
+    if (status_.frames > 0) return;
+    status_.last_error = path_ + ": holds no frame of this source";
+    log_event(Level::error, name, "empty", "name a .drec or a candump .log that holds its frames", "%s", status_.last_error.c_str());
 }
 
 void ReplaySource::deliver() {

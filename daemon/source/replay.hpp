@@ -34,6 +34,7 @@ public:
 
 private:
     void advance();
+    void tell_end();
     bool from_drec();
     bool from_candump();
     bool wanted(uint16_t recorded_source) const;

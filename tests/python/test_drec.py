@@ -75,6 +75,30 @@ def test_damage_is_skipped_and_counted(tmp_path):
     assert r.rows == 100 and "2 damaged stretches (1150 bytes)" in r.notices[0]
 
 
+def test_replay_tells_the_damage(tmp_path, driveid):
+    model = driveid("model", "new", "rigid_axis", "--given", "K_t_Nm_A=0.05")[1]
+    (driveid.folder / "axis.toml").write_text(model)
+    parts = samples()
+    write(tmp_path, b"".join(parts), name="whole.drec")
+    code, _, err = driveid("replay", "whole.drec", "--model", "axis.toml", "--drive", "axis1")
+    assert code == 0 and "damaged" not in err, err
+    write(tmp_path, b"".join(parts[:6]) + b"\xff" * 20 + b"".join(parts[6:]), name="torn.drec")
+    code, _, err = driveid("replay", "torn.drec", "--model", "axis.toml", "--drive", "axis1")
+    assert code == 0 and "torn.drec: 1 damaged stretch (20 bytes) was skipped" in err, err
+
+
+def test_replay_to_a_bus_tells_the_damage_and_no_lateness_where_there_is_no_pace(tmp_path, driveid):
+    with drec.DrecWriter(tmp_path / "f.drec", [{"name": "can0"}]) as w:
+        for k in range(5):
+            w.can(1000 * k, 0x181, bytes(8))
+    (tmp_path / "f.drec").write_bytes((tmp_path / "f.drec").read_bytes() + b"\xff" * 9)
+    code, _, err = driveid("replay", "f.drec", "--to", "virtual:x", "--speed", "0")
+    assert code == 0 and "5 frames in" in err and "late" not in err and "1 damaged stretch (9 bytes)" in err, err
+    code, _, err = driveid("replay", "f.drec", "--to", "virtual:x", "--speed", "1")
+    assert code == 0 and "late by" in err
+    assert driveid("replay", "f.drec", "--to", "virtual:x", "--speed", "nan")[0] == 2
+
+
 def test_a_length_that_lies_does_not_swallow_the_rest(tmp_path):
     parts = samples(20)
     lie = bytearray(parts[4])

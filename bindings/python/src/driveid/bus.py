@@ -150,14 +150,17 @@ class Sent:
     late_max_s: float
 
 
-def load_frames(path: Path) -> list[tuple[int, int, int, bytes]]:
+def load_frames(path: Path, say: Callable[[str], None] = lambda _: None) -> list[tuple[int, int, int, bytes]]:
     """(t_ns, can_id, FD flags, data) in the order of their stamps."""
     try:
         blob = path.read_bytes()
     except OSError as e:
         raise FileError(path, f"cannot be read ({e.strerror})") from None
     if blob[:8] == b"DRVIDREC":
-        rows = [(e.t_ns, *e.can()) for e in of_kind(parse(path, blob).entries, CAN) if len(e.payload) >= 8]
+        file = parse(path, blob)
+        if file.damage:
+            say(f"{path}: {file.damage}")
+        rows = [(e.t_ns, *e.can()) for e in of_kind(file.entries, CAN) if len(e.payload) >= 8]
         out = [(t, can_id, flags, data) for t, can_id, flags, data in rows if not can_id & ERR]
     else:
         from .records.canlog import read_frames

@@ -53,6 +53,7 @@ class Check:
     worst: float = 0.0          # greatest relative difference
     names: list[str] = field(default_factory=list)
     from_start: bool = True     # False: the gateway had learnt, or restored, something before this record began, which is not in it
+    damage: str = ""            # what of the record could not be read, in words
 
 
 def replay(model: Model, record: Record, *, method: str = "fsm", type: str = "f64", dt_s: float | None = None, every: int = 1,
@@ -209,4 +210,4 @@ def _check(result: Replay, file: DrecFile, index: int) -> Check:
             worst = max([worst, *(abs(a - b) / max(abs(a), abs(b), 1e-300) for a, b in pairs if not np.isnan(b))])
             if any(np.isnan(b) for _, b in pairs):
                 worst = float("inf")
-    return Check(compared, identical, worst, result.parameters, bool(file.header.get("from_start", True)))
+    return Check(compared, identical, worst, result.parameters, bool(file.header.get("from_start", True)), file.damage)

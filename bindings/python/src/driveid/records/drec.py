@@ -48,6 +48,11 @@ class DrecFile:
     skipped: int = 0        # entries with a wrong CRC, or stretches that are no entry
     lost_bytes: int = 0     # bytes of them
 
+    @property
+    def damage(self) -> str:
+        """What was skipped, in words; "" where all is whole."""
+        return f"{self.skipped} damaged stretch{'es' * (self.skipped > 1)} ({self.lost_bytes} bytes) {'were' if self.skipped > 1 else 'was'} skipped" if self.skipped else ""
+
 
 def parse(path: Path, blob: bytes) -> DrecFile:
     if blob[:8] != MAGIC or len(blob) < 16:

@@ -19,7 +19,7 @@ from .table import RawColumn, RawTable
 
 def read_drec(path: Path, blob: bytes, digest: str, dbc: list[Path], maps: dict[str, Source], drive: str | None) -> RawTable:
     file = parse(path, blob)
-    notices = _damage(file)
+    notices = [file.damage] if file.damage else []
     if dbc:
         frames = frames_of(file)
         if frames.count() == 0:
@@ -34,10 +34,6 @@ def read_drec(path: Path, blob: bytes, digest: str, dbc: list[Path], maps: dict[
         raise FileError(path, f"holds no decoded sample{f' of drive {drive}' if drive else ''} ({frames} CAN frames)",
                         mend="Give the database of its frames: --dbc FILE.dbc" if frames else "")
     return RawTable(str(path), digest, [RawColumn(n, None, lambda v=v: v) for n, v in columns.items()], len(t_ns), t_ns, notices)
-
-
-def _damage(file: DrecFile) -> list[str]:
-    return [f"{file.skipped} damaged stretches ({file.lost_bytes} bytes) were skipped"] if file.skipped else []
 
 
 def drives(file: DrecFile) -> list[str]:
