@@ -98,10 +98,20 @@ def test_nobody_there(tmp_path):
 def test_status_command(server, driveid):
     code, out, err = driveid("status", "--socket", server.server_address)
     assert code == 0 and "axis1: rigid_axis, valid" in out and "J_kgm2" in out and "not known yet" in out
+    assert "did not go into" not in out
     code, out, _ = driveid("status", "--socket", server.server_address, "--json", "-")
     assert code == 0 and json.loads(out)["drives"][0]["parameters"][0]["value"] == 1.2e-4
     code, out, err = driveid("status", env=os.environ | {"DRIVEID_SOCKET": "/tmp/no/such.sock"})
     assert code == 2 and out == "" and "no gateway at /tmp/no/such.sock" in err
+
+
+def test_status_command_shows_what_was_lost(server, driveid, monkeypatch):
+    monkeypatch.setitem(STATUS, "drives", [STATUS["drives"][0] | {"dropped": 3, "gaps": 2, "rejected": 41, "jumps": 7}])
+    monkeypatch.setitem(STATUS, "sources", [STATUS["sources"][0] | {"errors": 13, "last_error": "bus off"}])
+    code, out, _ = driveid("status", "--socket", server.server_address)
+    assert code == 0 and "3 dropped, 2 gaps, 41 rejected, 7 jumps" in out
+    titles, row = [line.split() for line in out.splitlines() if line.startswith(("source", "can0 "))]
+    assert dict(zip(titles, row))["errors"] == "13" and "can0: bus off" in out
 
 
 def test_record_command_is_refused_with_the_gateways_words(server, driveid):

@@ -13,12 +13,12 @@ from rich.table import Table
 from rich.text import Text
 
 from .. import bus as adapters
-from ..client import Client, default_socket
+from ..client import Client, GatewayError, default_socket
 from ..errors import UsageError
 from ..model import Model
 from ..views import units
 from ..views.gateway import skew
-from .common import invoke_guard, progress_bar, say, stdout_console, write_document
+from .common import FiniteRange, invoke_guard, progress_bar, say, stdout_console, write_document
 
 _socket = click.option("--socket", metavar="PATH", default=default_socket, show_default="$DRIVEID_SOCKET or /run/driveid/control.sock", help="Control socket of the gateway.")
 
@@ -54,16 +54,30 @@ def show_status(answer: dict) -> None:
         residual = drive.get("residual") or {}
         if residual.get("alarm"):
             console.print(Text(f"the model no longer explains this drive{': ' + residual['likely_effect'] if residual.get('likely_effect') else ''}", style="bold"))
+        if lost(drive, _DRIVE_LOSSES):
+            console.print(Text(f"did not go into the estimate: {lost(drive, _DRIVE_LOSSES)}"))
         if skew(drive):
             console.print(Text(f"current beside encoder: {skew(drive)}"))
         if drive.get("missing"):
             console.print(Text(f"cannot be had: {drive['missing']}"))
     table = Table(box=None, pad_edge=False, header_style="bold")
-    for title in ("source", "address", "state", "clock", "frames", "used", "dropped", "rejected", "rate"):
+    for title in ("source", "address", "state", "clock", "frames", "used", "dropped", "rejected", "errors", "rate"):
         table.add_column(title)
     for s in answer["sources"]:
-        table.add_row(s["name"], str(s["address"]), s["state"], s["clock"], str(s["frames"]), str(s["used"]), str(s["dropped"]), str(s["rejected"]), f"{s['rate_Hz']:.1f} Hz")
+        counts = [str(s.get(key, 0)) for key in ("frames", "used", "dropped", "rejected", "errors")]
+        table.add_row(s["name"], str(s["address"]), s["state"], s["clock"], *counts, f"{s['rate_Hz']:.1f} Hz")
     console.print(table)
+    for s in answer["sources"]:
+        if s.get("last_error"):
+            console.print(Text(f"{s['name']}: {s['last_error']}"))
+
+
+_DRIVE_LOSSES = ("dropped", "gaps", "rejected", "jumps", "duplicates", "reordered", "saturations")
+
+
+def lost(of: dict, keys: tuple[str, ...]) -> str:
+    """The counts that are not 0, by name; "" where all are."""
+    return ", ".join(f"{of[key]} {key}" for key in keys if of.get(key))
 
 
 @click.command()
@@ -125,21 +139,53 @@ def _record_gateway(name: str, socket: str, seconds: float | None) -> None:
     with Client(socket) as client:
         path = client.request("record_start", file=name)["file"]
         say(f"the gateway records into {path}" + ("" if seconds else "; Ctrl-C ends"))
-        end = None if seconds is None else time.monotonic() + seconds
         try:
-            while end is None or time.monotonic() < end:
-                time.sleep(0.1 if end is None else max(min(0.1, end - time.monotonic()), 0.001))
+            _wait_recording(client, path, None if seconds is None else time.monotonic() + seconds)
         except KeyboardInterrupt:
             pass
+        except GatewayError as e:
+            raise GatewayError(f"{e}. {path} holds what was recorded until then{_come_back(socket)}") from None
         done = client.request("record_stop")
     click.echo(done["file"])
     say(f"{done['entries']} entries, {done['bytes']} bytes")
 
 
+def _wait_recording(client: Client, path: str, end: float | None) -> None:
+    """Until `end`, or for ever; GatewayError where the gateway goes away or does not record into `path` any more."""
+    state = "open"
+    while end is None or time.monotonic() < end:
+        record = client.status()["record"]
+        if record is None or record["file"] != path:
+            raise GatewayError("the gateway does not record into this file any more: somebody else has stopped it")
+        if record["state"] not in ("open", state):
+            say("the record is full: nothing is added any more" if record["state"] == "full" else f"the record cannot be written: {record['last_error']}")
+        state = record["state"]
+        time.sleep(_LOOK_S if end is None else max(min(_LOOK_S, end - time.monotonic()), 0.001))
+
+
+_LOOK_S = 0.5         # between two looks at a record that runs
+_COME_BACK_S = 2.0    # a service that died is started again within about so long
+
+
+def _come_back(socket: str) -> str:
+    """What became of a gateway that went away, as the end of a sentence."""
+    end = time.monotonic() + _COME_BACK_S
+    while True:
+        try:
+            with Client(socket) as client:
+                recording = client.status()["record"]
+        except GatewayError:
+            if time.monotonic() >= end:
+                return "; it has not come back"
+            time.sleep(0.1)
+            continue
+        return f"; the gateway is there and records into {recording['file']}" if recording else "; the gateway is there and does not record: start the record again"
+
+
 @click.command()
 @click.argument("file", metavar="FILE")
 @click.option("--to", "target", metavar="INTERFACE:CHANNEL", help="Send the frames to this bus.")
-@click.option("--speed", type=float, default=1.0, show_default=True, help="Factor on the original pace; 0: as fast as possible.")
+@click.option("--speed", type=FiniteRange(0), default=1.0, show_default=True, help="Factor on the original pace; 0: as fast as possible.")
 @click.option("--bitrate", type=int, help="Bit rate of the adapter's bus.")
 @click.option("--fd", is_flag=True, help="CAN FD.")
 @click.option("--model", "model_file", metavar="MODEL", help="Model file, where the record's configuration does not carry it.")
@@ -152,10 +198,10 @@ def replay(file: str, target: str | None, speed: float, bitrate: int | None, fd:
            method: str | None, real: str | None, json_file: str | None) -> None:
     """Send the frames of FILE to a bus (--to), or run a gateway record through the daemon's own estimator and compare."""
     if target is not None:
-        frames = adapters.load_frames(Path(file))
+        frames = adapters.load_frames(Path(file), say)
         with adapters.open_bus(target, bitrate=bitrate, fd=fd) as bus, progress_bar("replay") as progress:
             sent = adapters.send(bus, frames, speed=speed, progress=(lambda done: progress(done, "replay")) if progress else None)
-        say(f"{sent.frames} frames in {sent.seconds:.3f} s; each late by {units.number(sent.late_median_s, 's', 3)} (median), {units.number(sent.late_max_s, 's', 3)} (worst)")
+        say(f"{sent.frames} frames in {sent.seconds:.3f} s" if speed == 0 else f"{sent.frames} frames in {sent.seconds:.3f} s; each late by {units.number(sent.late_median_s, 's', 3)} (median), {units.number(sent.late_max_s, 's', 3)} (worst)")
         return
     _replay_library(file, model_file, drive, {k: v for k, v in (("method", method), ("type", real)) if v}, json_file)
 
@@ -166,6 +212,8 @@ def _replay_library(file: str, model_file: str | None, drive: str | None, change
 
     result, check = replay_drec(file, drive=drive, model=Model.load(model_file) if model_file else None, **changes)
     final = result.final()
+    if check.damage:
+        say(f"{file}: {check.damage}")
     write_document(json_file, {
         "format": 1, "driveid": __version__, "file": file, "samples": len(result.status),
         "parameters": {n: {"value": _plain(v), "interval": [_plain(lo), _plain(hi)], "valid": ok} for n, (v, lo, hi, ok) in final.items()},
