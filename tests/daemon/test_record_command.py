@@ -2,6 +2,7 @@
 """`driveid record` while the gateway dies, comes back, or is told by somebody else to stop."""
 import grp
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -54,6 +55,18 @@ def test_a_record_that_somebody_else_stops(gateway, recorder):
     assert gateway.control().ask("record_stop")["ok"]
     code, err = recorder.end()
     assert code == 2 and "somebody else has stopped it" in err, err
+
+
+def test_a_reload_that_goes_on_in_another_file_is_followed(gateway, recorder):
+    before = gateway.status()["record"]["file"]
+    gateway.write(SOCKETPAIR + drive(name="other") + f'[record]\nfolder = "{gateway.folder}"\n', control=WRITERS)
+    assert gateway.control().ask("reload")["ok"]
+    gateway.until(lambda s: s["record"] and s["record"]["file"] != before, 20, "the next file")
+    time.sleep(1.2)  # two looks of the command
+    assert recorder.process.poll() is None
+    recorder.process.send_signal(signal.SIGINT)
+    code, err = recorder.end()
+    assert code == 0 and "goes on in" in err and gateway.status()["record"] is None, err
 
 
 def test_a_record_of_so_many_seconds(gateway):

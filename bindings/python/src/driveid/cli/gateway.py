@@ -151,12 +151,15 @@ def _record_gateway(name: str, socket: str, seconds: float | None) -> None:
 
 
 def _wait_recording(client: Client, path: str, end: float | None) -> None:
-    """Until `end`, or for ever; GatewayError where the gateway goes away or does not record into `path` any more."""
+    """Until `end`, or for ever; GatewayError where the gateway goes away or does not record any more. A reload that changes what a record holds goes on in another file."""
     state = "open"
     while end is None or time.monotonic() < end:
         record = client.status()["record"]
-        if record is None or record["file"] != path:
-            raise GatewayError("the gateway does not record into this file any more: somebody else has stopped it")
+        if record is None:
+            raise GatewayError("the gateway does not record any more: somebody else has stopped it")
+        if record["file"] != path:
+            path = record["file"]
+            say(f"the gateway was reloaded and goes on in {path}")
         if record["state"] not in ("open", state):
             say("the record is full: nothing is added any more" if record["state"] == "full" else f"the record cannot be written: {record['last_error']}")
         state = record["state"]
