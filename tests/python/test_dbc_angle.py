@@ -62,6 +62,8 @@ def test_a_turning_axis_is_read_as_it_turned(tmp_path, daemon, unit, scale, rang
     measured, truth = turned(tmp_path, daemon, text, truth, raw & 0xFFFF)
     count = 2 * math.pi / turn * float(scale)
     assert np.abs(measured - truth).max() < 8 * count
+    table = driveid.read(tmp_path / "a.log", ["theta_rad=angle"], dbc=[tmp_path / "d.dbc"])["theta_rad"]  # off-line, from the same frames
+    assert np.abs(table - table[0] - truth).max() < 8 * count
 
 
 def test_what_does_not_turn_does_not_wrap(tmp_path):

@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from .. import _core
+from ..dbc_wrap import wrap_counts
 from ..errors import FileError, UsageError
-from ..units import signal_of
+from ..units import conversion, signal_of
 from .frames import EFF, Frames, extract, pgn_of, unwrap
 from .mapping import Source
 from .table import RawColumn, RawTable
@@ -73,7 +74,8 @@ def decode(frames: Frames, database, path: Path, maps: dict[str, Source]) -> lis
             frames.notices.append(f"message {message.name} (PGN {pgn_of(message.frame_id)}) comes from {len(ids)} identifiers ({', '.join(f'{i & 0x1FFFFFFF:X}' for i in ids[:4])}): taken together")
         t_ns, data, lengths = frames.of_all(ids)
         for signal in message.signals:
-            track = _track(message, signal, t_ns, data, lengths, {signal.name, f"{message.name}.{signal.name}"} & angles)
+            place = f"{message.name}.{signal.name}"
+            track = _track(message, signal, t_ns, data, lengths, _period(signal, angles.get(place) or angles.get(signal.name), place, frames.notices))
             if len(track.t_ns):
                 tracks.append(track)
     if not tracks:
@@ -107,32 +109,55 @@ def _pages(message, signal, data, lengths) -> np.ndarray:
     return ok
 
 
-def _angles(database, maps: dict[str, Source]) -> set[str]:
-    """Names of the counters that run over: the map or their own name or unit calls them a position."""
+def _angles(database, maps: dict[str, Source]) -> dict[str, tuple[str, str]]:
+    """{signal: (our name, unit)} of the counters that run over: the map or their own name or unit calls them a position."""
     found = [(m, s) for m in database.messages for s in m.signals]
     names = [s.name for _, s in found] + [f"{m.name}.{s.name}" for m, s in found]
-    out = {s.name for _, s in found if s.name in _ANGLES or signal_of(s.name, s.unit) in _ANGLES or "counts" in (s.unit or "")}
+    out = {}
+    for _, s in found:
+        ours = s.name if s.name in _ANGLES else signal_of(s.name, s.unit)
+        if ours in _ANGLES or "counts" in (s.unit or ""):
+            out[s.name] = (ours or "", s.unit or "")
     for name in set(maps) & set(_ANGLES):
         try:
-            out.add(maps[name].resolve(names)[0])
+            column, unit, _ = maps[name].resolve(names)
         except UsageError:
             continue  # told when the table is made
+        out[column] = (name, unit or out.get(column, ("", ""))[1])
     return out
 
 
-def _track(message, signal, t_ns, data, lengths, position) -> Track:
+def _period(signal, angle: tuple[str, str] | None, place: str, notices: list[str]) -> int | None:
+    """Counts after which a position starts again, 0 where it does not; None: it is no position."""
+    if angle is None:
+        return None
+    room = 1 << min(signal.length, 63)
+    name, unit = angle
+    if signal.is_float or signal.length >= 53 or name not in ("theta_rad", "theta_l_rad"):
+        return room
+    try:
+        factor = conversion(unit or signal.unit or "rad", name).factor
+    except UsageError:
+        return room  # told when the table is made
+    period = wrap_counts(signal, float(signal.scale) * factor, unit.startswith("count"), place, [])
+    if period not in (0, room):
+        notices.append(f"{place}: an angle that starts again after {period} counts")
+    return period
+
+
+def _track(message, signal, t_ns, data, lengths, period: int | None) -> Track:
     little = signal.byte_order == "little_endian"
     raw, ok = extract(data, lengths, signal.start, signal.length, little, signal.is_signed and not signal.is_float)
     ok &= _pages(message, signal, data, lengths)
-    if message.protocol == "j1939" and not signal.is_signed and not signal.is_float and not position:
+    if message.protocol == "j1939" and not signal.is_signed and not signal.is_float and period is None:
         ok &= (raw >= 0) & (raw <= j1939_last(signal.length))
     t_ns, raw = t_ns[ok], raw[ok]
     scale, offset = float(signal.scale), float(signal.offset)
     if signal.is_float:
         values = _floats(raw, signal.length)
     else:
-        if position and signal.length < 63:
-            raw = unwrap(raw, 1 << signal.length)
+        if period and signal.length < 63:
+            raw = unwrap(raw, period)
         values = raw.astype(np.float64)
         if not signal.is_signed and signal.length == 64:
             values = raw.view(np.uint64).astype(np.float64)
