@@ -17,7 +17,7 @@ pytestmark = pytest.mark.skipif(WHICH.returncode != 0, reason=WHICH.stderr.strip
 
 def machine(*arguments, tmp, **kwargs):
     return subprocess.Popen([RUN, *arguments], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-                            env={**os.environ, "TMPDIR": str(tmp)}, preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL), **kwargs)  # a job in the background has it ignored
+                            env={**os.environ, "TMPDIR": str(tmp)}, **kwargs)
 
 
 def nothing_left(tmp):
