@@ -32,7 +32,26 @@ struct Case {
     size_t functions;
     double trapezoid;   // what the trapezoid reaches, of the largest parameter of a derivative
     Rows3 printed;
+    std::array<std::array<double, 2>, 4> printed_q;
+    double omega;
+    C input;               // phasor: u = Re(input e^(j omega t))
+    double origin[2];      // the printed q belongs to [sin w(t + s_1 Ts), sin w(t + s_2 Ts)] (NOTES)
 };
+
+// q_j of y's tone under the true p_j: D^j y + sum p_ji y(t - T_i), as c_1 sin + c_2 cos.
+void true_q(const Case &c, const driveid_modal_task &t, const double *p, int j, double *q) {
+    const C s(0, c.omega);
+    C gain = std::pow(s, j);
+    for (int i = 0; i < 3; i++) gain += p[i] * std::exp(-s * (t.shift[i] * t.T_s));
+    gain *= c.input * third_order().response(s);
+    q[0] = -gain.imag(), q[1] = gain.real();
+}
+
+// The printed q in the basis [sin, cos].
+std::array<double, 2> in_our_basis(const Case &c, double T, const std::array<double, 2> &q) {
+    const double a = c.omega * c.origin[0] * T, b = c.omega * c.origin[1] * T;
+    return {q[0] * std::cos(a) + q[1] * std::cos(b), q[0] * std::sin(a) + q[1] * std::sin(b)};
+}
 
 double worst(const double *p, const double *truth_p, size_t n) {
     double error = 0, scale = 0;
@@ -41,7 +60,7 @@ double worst(const double *p, const double *truth_p, size_t n) {
 }
 
 void check(const Case &c, driveid_modal_task t, const double *truth_p, const char *why) {
-    const page::Table table("El-Shafey 1987", std::string(c.title) + ": worst error of p_j over its largest element", why);
+    const page::Table table("El-Shafey 1987", std::string(c.title) + ": worst error of p_j and q_j over their largest element", why);
     for (const auto rule : {DRIVEID_QUADRATURE_TRAPEZOID, DRIVEID_QUADRATURE_SIMPSON}) {
         double p[12], q[8];
         t.basis = c.basis, t.functions = c.functions, t.quadrature = rule;
@@ -49,6 +68,12 @@ void check(const Case &c, driveid_modal_task t, const double *truth_p, const cha
         for (size_t j = 0; j < 4; j++)
             table.below((rule == DRIVEID_QUADRATURE_SIMPSON ? "Simpson, p_" : "trapezoid, p_") + std::to_string(j), worst(c.printed[j].data(), truth_p + 3 * j, 3),
                         worst(p + 3 * j, truth_p + 3 * j, 3), rule == DRIVEID_QUADRATURE_SIMPSON ? 1e-5 : c.trapezoid);
+        for (int j = 0; j < 4; j++) {
+            double truth_q[2];
+            true_q(c, t, truth_p + 3 * j, j, truth_q);
+            table.below((rule == DRIVEID_QUADRATURE_SIMPSON ? "Simpson, q_" : "trapezoid, q_") + std::to_string(j), worst(in_our_basis(c, t.T_s, c.printed_q[size_t(j)]).data(), truth_q, 2),
+                        worst(q + 2 * j, truth_q, 2), rule == DRIVEID_QUADRATURE_SIMPSON ? 1e-5 : c.trapezoid);
+        }
     }
 }
 
@@ -76,8 +101,8 @@ TEST(ElShafey, Tables3_6_And_3_7_AgainstPrint) {
     ASSERT_EQ(driveid_modal_parameters_from_a(3, a, T, shift, 3, truth_p), DRIVEID_OK);
     driveid_modal_task t{};
     t.order = 3, t.T_s = T, t.rows = y.size(), t.y = y.data(), t.modes = 2, t.mode = x.data(), t.shift = shift, t.windows = 1, t.first = &first, t.last = &last;
-    check({"Table 3.6 (Fourier)", DRIVEID_BASIS_FOURIER, 6, 2e-3, {{{-.6617, .6111, -.3029}, {2.974, -.2529, -.4526}, {5.757, -14.81, 5.737}, {-78.15, 34.91, 6.237}}}}, t, truth_p, "single precision in the thesis");
-    check({"Table 3.7 (Walsh)", DRIVEID_BASIS_WALSH, 8, 1e-3, {{{-.6605, .6113, -.3022}, {3.002, -.2543, -.4325}, {5.715, -14.77, 5.718}, {-78.50, 34.90, 5.870}}}}, t, truth_p, "single precision in the thesis");
+    check({"Table 3.6 (Fourier)", DRIVEID_BASIS_FOURIER, 6, 2e-3, {{{-.6617, .6111, -.3029}, {2.974, -.2529, -.4526}, {5.757, -14.81, 5.737}, {-78.15, 34.91, 6.237}}}, {{{.9608, 1.448}, {5.126, 5.592}, {5.580, -8.856}, {-110.7, -155.7}}}, 4, C(0, -1), {37.5, -51}}, t, truth_p, "single precision in the thesis");
+    check({"Table 3.7 (Walsh)", DRIVEID_BASIS_WALSH, 8, 1e-3, {{{-.6605, .6113, -.3022}, {3.002, -.2543, -.4325}, {5.715, -14.77, 5.718}, {-78.50, 34.90, 5.870}}}, {{{.8717, 1.370}, {4.750, 5.265}, {6.102, -8.434}, {-100.9, -147.0}}}, 4, C(0, -1), {37.5, -50}}, t, truth_p, "single precision in the thesis");
 }
 
 TEST(ElShafey, Tables3_8_to_3_12_FilteredPairs) {
@@ -89,10 +114,10 @@ TEST(ElShafey, Tables3_8_to_3_12_FilteredPairs) {
     double truth_p[12];
     ASSERT_EQ(driveid_modal_parameters_from_a(3, a, T, shift, 3, truth_p), DRIVEID_OK);
     const Case cases[4] = {
-        {"Table 3.8 (Fourier, tone 3)", DRIVEID_BASIS_FOURIER, 6, 2e-3, {{{-1.390, 1.128, -.4190}, {.7137, 2.994, -1.701}, {22.71, -26.40, 6.527}, {-39.97, -42.91, 46.71}}}},
-        {"Table 3.9 (Fourier, tone 6)", DRIVEID_BASIS_FOURIER, 6, 2e-3, {{{-1.387, 1.124, -.4168}, {.7382, 2.968, -1.684}, {22.52, -26.22, 6.424}, {-40.38, -42.24, 46.34}}}},
-        {"Table 3.11 (Walsh, tone 3)", DRIVEID_BASIS_WALSH, 8, 1e-3, {{{-1.388, 1.126, -.4179}, {.7306, 2.975, -1.688}, {22.63, -26.32, 6.474}, {-40.24, -42.56, 46.49}}}},
-        {"Table 3.12 (Walsh, tone 6)", DRIVEID_BASIS_WALSH, 8, 1e-3, {{{-1.388, 1.126, -.4179}, {.7314, 2.973, -1.687}, {22.62, -26.30, 6.467}, {-40.23, -42.54, 46.47}}}},
+        {"Table 3.8 (Fourier, tone 3)", DRIVEID_BASIS_FOURIER, 6, 2e-3, {{{-1.390, 1.128, -.4190}, {.7137, 2.994, -1.701}, {22.71, -26.40, 6.527}, {-39.97, -42.91, 46.71}}}, {{{-.3362, .4154}, {-1.629, 2.898}, {4.215, 6.785}, {72.36, -46.58}}}, 3, C(1, 1), {-120, 168}},
+        {"Table 3.9 (Fourier, tone 6)", DRIVEID_BASIS_FOURIER, 6, 2e-3, {{{-1.387, 1.124, -.4168}, {.7382, 2.968, -1.684}, {22.52, -26.22, 6.424}, {-40.38, -42.24, 46.34}}}, {{{-.9154, -.08869}, {-5.276, 1.354}, {3.682, 23.80}, {227.9, 53.18}}}, 6, C(2, 0), {-72, 72}},
+        {"Table 3.11 (Walsh, tone 3)", DRIVEID_BASIS_WALSH, 8, 1e-3, {{{-1.388, 1.126, -.4179}, {.7306, 2.975, -1.688}, {22.63, -26.32, 6.474}, {-40.24, -42.56, 46.49}}}, {{{-.3434, .4151}, {-1.683, 2.893}, {4.137, 6.802}, {73.20, -46.54}}}, 3, C(1, 1), {-120, 169}},
+        {"Table 3.12 (Walsh, tone 6)", DRIVEID_BASIS_WALSH, 8, 1e-3, {{{-1.388, 1.126, -.4179}, {.7314, 2.973, -1.687}, {22.62, -26.30, 6.467}, {-40.23, -42.54, 46.47}}}, {{{-.9128, -.08730}, {-5.325, 1.364}, {2.981, 23.71}, {226.1, 52.83}}}, 6, C(2, 0), {-72, 73}},
     };
     for (int k = 0; k < 4; k++) {
         const bool three = k % 2 == 0;
