@@ -14,6 +14,10 @@ using modal::VectorXd;
 // rows x n: column i is the i-th derivative of signal / F(s), F = s^n + f_{n-1} s^{n-1} + .. + f_0, from rest.
 MatrixXd filtered(const VectorXd &signal, const VectorXd &f, double T_s, bool zero_order_hold);
 
+// rows x n: column i is the i-th derivative of x / F(s), x = (B u + C) / A the continuous response to the held u and to the initial
+// conditions C (none where empty): nothing is assumed between the samples of x.
+MatrixXd cascaded(const VectorXd &u, const VectorXd &a, const VectorXd &b, const VectorXd &c, const VectorXd &f, double T_s, bool zero_order_hold);
+
 // rows x n: column i is the response s^i / F(s) to an impulse at the first sample.
 MatrixXd impulses(const VectorXd &f, double T_s, Eigen::Index rows);
 

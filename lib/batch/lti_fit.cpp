@@ -22,8 +22,11 @@ struct Regression {
     VectorXd top;  // D^n y_f
 };
 
-Regression regression(const Data &d, const VectorXd &output, const VectorXd &f) {
-    const MatrixXd y_f = filtered(output, f, d.T_s, false), u_f = filtered(d.u, f, d.T_s, d.zero_order_hold);
+// between: what the straight lines between the samples of output miss of its filtered derivatives.
+Regression regression(const Data &d, const VectorXd &output, const VectorXd &f, const MatrixXd *between = nullptr) {
+    MatrixXd y_f = filtered(output, f, d.T_s, false);
+    const MatrixXd u_f = filtered(d.u, f, d.T_s, d.zero_order_hold);
+    if (between) y_f += *between;
     Regression r{MatrixXd(d.y.size(), d.unknowns()), highest(output, y_f, f)};
     r.Phi << -y_f, u_f.leftCols(d.m + 1), d.initial ? impulses(f, d.T_s, d.y.size()) : MatrixXd(d.y.size(), 0);
     return r;
@@ -50,6 +53,12 @@ VectorXd simulated(const Data &d, const VectorXd &theta) {
     return out;
 }
 
+// A model knows how its output runs between the samples: its exactly filtered derivatives less those along straight lines.
+MatrixXd between_samples(const Data &d, const VectorXd &stable, const VectorXd &f) {
+    const VectorXd c = d.initial ? VectorXd(stable.tail(d.n)) : VectorXd();
+    return cascaded(d.u, stable.head(d.n), stable.segment(d.n, d.m + 1), c, f, d.T_s, d.zero_order_hold) - filtered(simulated(d, stable), f, d.T_s, false);
+}
+
 double bandwidth(const Data &d) {
     // Frequency below which 90 % of the energy of the output's increments lies, from their first two moments.
     const Eigen::Index N = d.y.size();
@@ -72,16 +81,36 @@ std::optional<VectorXd> least_squares(const Regression &r) {
     return VectorXd(x->col(0));
 }
 
-std::optional<VectorXd> total_least_squares(const Regression &r) {
+// Triangle of the covariance, summed over the rows, that white noise of unit variance on y gives to [-D^0..D^(n-1) y_f, D^n y_f].
+MatrixXd noise_triangle(const Data &d, const VectorXd &f) {
+    VectorXd impulse = VectorXd::Zero(d.y.size());
+    impulse(1) = 1;
+    MatrixXd response(d.y.size(), d.n + 1);
+    const MatrixXd h = filtered(impulse, f, d.T_s, false);
+    response << -h, highest(impulse, h, f);
+    return modal::triangle(response) * std::sqrt(static_cast<double>(d.y.size()));
+}
+
+// Total least squares on the columns that carry noise, each weighed with its noise; those of u and of the initial conditions are exact.
+std::optional<VectorXd> total_least_squares(const Data &d, const Regression &r, const MatrixXd &noise) {
+    const Eigen::Index exact = r.Phi.cols() - d.n, noisy = d.n + 1;
     MatrixXd all(r.Phi.rows(), r.Phi.cols() + 1);
-    all << r.Phi, r.top;
+    all << r.Phi.rightCols(exact), r.Phi.leftCols(d.n), r.top;
     // Reduce to the triangle first: the SVD then costs nothing in the number of rows.
     const VectorXd scale = all.colwise().norm().transpose();
     if ((scale.array() <= 0).any()) return std::nullopt;
-    const MatrixXd R = modal::triangle(all * scale.cwiseInverse().asDiagonal());
-    const VectorXd v = scale.cwiseInverse().asDiagonal() * modal::last_right_singular_vector(R);
-    if (std::abs(v(v.size() - 1)) < 1e-300) return std::nullopt;
-    return VectorXd(-v.head(v.size() - 1) / v(v.size() - 1));
+    const MatrixXd R = modal::triangle(all * scale.cwiseInverse().asDiagonal()) * scale.asDiagonal();
+    const MatrixXd unweigh = modal::inverse(noise);
+    const VectorXd v = unweigh * modal::last_right_singular_vector(R.bottomRightCorner(noisy, noisy) * unweigh);
+    if (!(std::abs(v(d.n)) > 1e-300)) return std::nullopt;
+    VectorXd theta(r.Phi.cols());
+    theta.head(d.n) = -v.head(d.n) / v(d.n);
+    VectorXd weights(noisy);
+    weights << -theta.head(d.n), 1;
+    const auto rest = modal::solve(R.topLeftCorner(exact, exact), R.topRightCorner(exact, noisy) * weights);
+    if (!rest) return std::nullopt;
+    theta.tail(exact) = rest->col(0);
+    return theta;
 }
 
 std::optional<VectorXd> instrumental(const Regression &r, const MatrixXd &Z) {
@@ -93,8 +122,8 @@ std::optional<VectorXd> instrumental(const Regression &r, const MatrixXd &Z) {
     return VectorXd(x->col(0));
 }
 
-// Sandwich (Z'Phi)^-1 Z' Omega Z (Phi'Z)^-1 with a Bartlett window on the residual's autocorrelation.
-MatrixXd sandwich(const MatrixXd &Phi, const MatrixXd &Z, const VectorXd &residual) {
+// Sandwich S^-1 Z' Omega Z S^-T, S the slope of the equation Z'residual = 0, with a Bartlett window on the scores' autocorrelation.
+MatrixXd sandwich(const MatrixXd &slope, const MatrixXd &Z, const VectorXd &residual) {
     const Eigen::Index N = Z.rows(), lags = std::min<Eigen::Index>(N / 5, static_cast<Eigen::Index>(4 * std::pow(N / 100.0, 0.25) * 10));
     const MatrixXd score = Z.array().colwise() * residual.array();
     MatrixXd middle = score.transpose() * score;
@@ -102,8 +131,10 @@ MatrixXd sandwich(const MatrixXd &Phi, const MatrixXd &Z, const VectorXd &residu
         const MatrixXd cross = score.topRows(N - l).transpose() * score.bottomRows(N - l);
         middle += (1.0 - static_cast<double>(l) / static_cast<double>(lags + 1)) * (cross + cross.transpose());
     }
-    const MatrixXd bread = modal::inverse(Z.transpose() * Phi);
-    return bread * middle * bread.transpose();
+    // The scores sum to zero, so the window sees 1 - w + w^2/3 of their spread, w its share of the record; and the fit took its unknowns.
+    const double w = static_cast<double>(lags + 1) / static_cast<double>(N), seen = (1 - w + w * w / 3) * (1 - static_cast<double>(Z.cols()) / static_cast<double>(N));
+    const MatrixXd bread = modal::inverse(slope);
+    return bread * middle * bread.transpose() / seen;
 }
 
 // sigma^2 (Z'Z)^-1 through the triangle of Z.
@@ -120,18 +151,69 @@ struct Fit {
     bool converged = false;
 };
 
+VectorXd stable_of(const Data &d, const VectorXd &theta) {
+    VectorXd stable = theta;
+    stable.head(d.n) = stabilised(theta.head(d.n), 0.5 / (static_cast<double>(d.y.size()) * d.T_s));
+    return stable;
+}
+
+double change_of(const Data &d, const VectorXd &next, const VectorXd &theta) {
+    const Eigen::Index k = d.n + d.m + 1;
+    return ((next - theta).head(k).array() / (next.head(k).array().abs() + 1e-300)).abs().maxCoeff();
+}
+
+// Total least squares sets sum (phi - g e) e to zero, g = cov(phi, e)/var(e); the noise's share leaves the slope.
+MatrixXd total_covariance(const Data &d, const Regression &r, const MatrixXd &noise, const VectorXd &theta) {
+    VectorXd weights(d.n + 1);
+    weights << -theta.head(d.n), 1;
+    const VectorXd e = r.top - r.Phi * theta, common = noise.transpose() * (noise * weights);
+    const double share = weights.dot(common), variance = e.squaredNorm() / share;
+    MatrixXd Z = r.Phi, slope = r.Phi.transpose() * r.Phi;
+    Z.leftCols(d.n) -= e * (common.head(d.n) / share).transpose();
+    slope.topLeftCorner(d.n, d.n) -= variance * (noise.transpose() * noise).topLeftCorner(d.n, d.n);
+    return sandwich(slope, Z, e);
+}
+
+// LS, TLS and IV on one filter. Each round hands the model of the last to between_samples: without noise the last round is exact.
+std::optional<Fit> on_one_filter(const Data &d, driveid_lti_method method, const VectorXd &f) {
+    const MatrixXd noise = noise_triangle(d, f);
+    Fit fit;
+    Regression r = regression(d, d.y, f);
+    MatrixXd Z;
+    for (fit.iterations = 1; fit.iterations <= 30; fit.iterations++) {
+        auto next = method == DRIVEID_LTI_TLS ? total_least_squares(d, r, noise) : least_squares(r);
+        if (next && method == DRIVEID_LTI_IV) {
+            Z = regression(d, simulated(d, stable_of(d, fit.theta.size() ? fit.theta : *next)), f).Phi;
+            next = instrumental(r, Z);
+        }
+        if (!next || !next->allFinite()) return std::nullopt;
+        fit.converged = fit.theta.size() && change_of(d, *next, fit.theta) < 1e-9;
+        fit.theta = *next;
+        if (fit.converged) break;
+        const MatrixXd between = between_samples(d, stable_of(d, fit.theta), f);
+        r = regression(d, d.y, f, &between);
+    }
+    const VectorXd e = r.top - r.Phi * fit.theta;
+    if (method == DRIVEID_LTI_TLS) fit.cov = total_covariance(d, r, noise, fit.theta);
+    else if (method == DRIVEID_LTI_IV) fit.cov = sandwich(Z.transpose() * r.Phi, Z, e);
+    else {
+        fit.cov = sandwich(r.Phi.transpose() * r.Phi, r.Phi, e);
+        const auto unbiased = total_least_squares(d, r, noise);
+        if (unbiased) fit.cov += (*unbiased - fit.theta) * (*unbiased - fit.theta).transpose();
+    }
+    return fit;
+}
+
 std::optional<Fit> refined(const Data &d, VectorXd theta) {
-    const double slowest = 0.5 / (static_cast<double>(d.y.size()) * d.T_s);
     Fit fit;
     for (fit.iterations = 1; fit.iterations <= 50; fit.iterations++) {
-        VectorXd stable = theta;
-        stable.head(d.n) = stabilised(theta.head(d.n), slowest);
-        const VectorXd f = stable.head(d.n);
-        const Regression r = regression(d, d.y, f);
+        const VectorXd stable = stable_of(d, theta), f = stable.head(d.n);
+        const MatrixXd between = between_samples(d, stable, f);
+        const Regression r = regression(d, d.y, f, &between);
         const MatrixXd Z = regression(d, simulated(d, stable), f).Phi;
         const auto next = instrumental(r, Z);
         if (!next) return std::nullopt;
-        const double change = ((*next - theta).head(d.n + d.m + 1).array() / (next->head(d.n + d.m + 1).array().abs() + 1e-300)).abs().maxCoeff();
+        const double change = change_of(d, *next, theta);
         theta = *next;
         if (change < 1e-8) {
             fit.converged = true;
@@ -159,8 +241,11 @@ std::optional<Fit> output_error(const Data &d, VectorXd theta) {
             better = (d.y - simulated(d, next)).squaredNorm();
             if (std::isfinite(better) && better <= cost) break;
         }
-        if (!(better <= cost)) break;
-        const double change = (length * step->col(0).array() / (next.array().abs() + 1e-300)).abs().maxCoeff();
+        if (!(better <= cost)) {
+            fit.converged = change_of(d, theta + step->col(0), theta) < 1e-6; // at the least cost but for rounding
+            break;
+        }
+        const double change = change_of(d, next, theta);
         const double gained = (cost - better) / std::max(cost, 1e-300);
         theta = next;
         cost = better;
@@ -176,26 +261,9 @@ std::optional<Fit> output_error(const Data &d, VectorXd theta) {
 std::optional<Fit> estimate(const Data &d, const driveid_lti_task &task) {
     const double lambda = task.bandwidth_rad_s > 0 ? task.bandwidth_rad_s : bandwidth(d);
     const VectorXd f = binomial_filter(d.n, lambda);
-    const Regression r = regression(d, d.y, f);
-    const auto start = task.method == DRIVEID_LTI_TLS ? total_least_squares(r) : least_squares(r);
+    if (task.method == DRIVEID_LTI_LS || task.method == DRIVEID_LTI_TLS || task.method == DRIVEID_LTI_IV) return on_one_filter(d, task.method, f);
+    const auto start = least_squares(regression(d, d.y, f));
     if (!start) return std::nullopt;
-    Fit fit;
-    fit.theta = *start;
-    fit.converged = true;
-    if (task.method == DRIVEID_LTI_LS || task.method == DRIVEID_LTI_TLS) {
-        fit.cov = sandwich(r.Phi, r.Phi, r.top - r.Phi * fit.theta);
-        return fit;
-    }
-    if (task.method == DRIVEID_LTI_IV) {
-        VectorXd stable = *start;
-        stable.head(d.n) = stabilised(start->head(d.n), 0.5 / (static_cast<double>(d.y.size()) * d.T_s));
-        const MatrixXd Z = regression(d, simulated(d, stable), f).Phi;
-        const auto iv = instrumental(r, Z);
-        if (!iv) return std::nullopt;
-        fit.theta = *iv;
-        fit.cov = sandwich(r.Phi, Z, r.top - r.Phi * fit.theta);
-        return fit;
-    }
     auto best = refined(d, *start);
     if (!best) return std::nullopt;
     if (task.method == DRIVEID_LTI_OE) {
