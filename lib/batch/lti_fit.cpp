@@ -157,9 +157,16 @@ VectorXd stable_of(const Data &d, const VectorXd &theta) {
     return stable;
 }
 
+// Largest change relative to the coefficient; one that is near zero beside the others, at the frequency w of the fastest root, to a tenth of those.
 double change_of(const Data &d, const VectorXd &next, const VectorXd &theta) {
-    const Eigen::Index k = d.n + d.m + 1;
-    return ((next - theta).head(k).array() / (next.head(k).array().abs() + 1e-300)).abs().maxCoeff();
+    double w = 1e-300, gain = 0, worst = 0;
+    for (Eigen::Index i = 0; i < d.n; i++) w = std::max(w, std::pow(std::abs(next(i)), 1.0 / static_cast<double>(d.n - i)));
+    for (Eigen::Index j = 0; j <= d.m; j++) gain = std::max(gain, std::abs(next(d.n + j)) * std::pow(w, j));
+    for (Eigen::Index i = 0; i < d.n + d.m + 1; i++) {
+        const double others = i < d.n ? std::pow(w, d.n - i) : gain / std::pow(w, i - d.n);
+        worst = std::max(worst, std::abs(next(i) - theta(i)) / (std::max(std::abs(next(i)), 0.1 * others) + 1e-300));
+    }
+    return worst;
 }
 
 // Total least squares sets sum (phi - g e) e to zero, g = cov(phi, e)/var(e); the noise's share leaves the slope.

@@ -36,6 +36,16 @@ def test_fit_finds_poles_with_intervals():
     assert inside >= 16  # 95 % of 20; fewer than 16 has a chance of 0.03 %
 
 
+@pytest.mark.parametrize("method", ["ls", "tls", "iv", "srivc", "oe"])
+def test_every_method_is_exact_without_noise(method):
+    y, u = steps(3, 1600)
+    for every in (1, 2, 10):  # T = 1, 2 and 10 ms
+        g = lti.fit(y[::every], u[::every], T * every, order=2, method=method)
+        assert g.converged
+        np.testing.assert_allclose([*g.a, g.b[0]], [4000, 40, 4000], rtol=1e-6)
+        assert abs(g.b[1]) < 1e-6 * 4000 / 63
+
+
 def test_search_takes_order_and_delay():
     y, u = steps(1)
     late = y[193:-7] + 0.01 * np.random.default_rng(2).standard_normal(len(y) - 200)  # seven samples, in the middle of a run
