@@ -6,6 +6,7 @@
 
 #define SMALL 1e-14
 #define ROUNDING 30 /* of a sum's terms: weights are products of up to 2 order factors */
+#define ANSWER_REACH 1e-3 /* relative, of a coefficient: a pole of a wide spread moves by several times that */
 
 int driveid_discrete_columns(const driveid_discrete_config *config) { return config->order + config->kept + 1; }
 
@@ -45,8 +46,29 @@ static driveid_status scale(double row[][DRIVEID_DISCRETE_COLUMNS_MAX + 1], doub
     return DRIVEID_OK;
 }
 
-driveid_status driveid_discrete_solve(double row[][DRIVEID_DISCRETE_COLUMNS_MAX + 1], double square[][DRIVEID_DISCRETE_COLUMNS_MAX], int rows, int columns, double epsilon, double *theta, double *residual) {
-    double length[DRIVEID_DISCRETE_COLUMNS_MAX], noise[DRIVEID_DISCRETE_COLUMNS_MAX], x[DRIVEID_DISCRETE_COLUMNS_MAX], least = SMALL;
+/* Largest share of a denominator's coefficient that rounding of the columns may move: row i of R^-1 times the noise of what x makes of them.
+ * A coefficient that is zero by nature (no damping) is measured by the geometric mean of its neighbours, of which the fixed one is 1. */
+static double rounding_reach(const driveid_discrete_config *config, double row[][DRIVEID_DISCRETE_COLUMNS_MAX + 1], const double *diagonal, const double *x, const double *length, const double *noise, int columns) {
+    const int n = config->order, q = config->domain == DRIVEID_DISCRETE_Q;
+    double moved = 0, worst = 0;
+    for (int c = 0; c < columns; c++) moved += noise[c] * x[c] * noise[c] * x[c];
+    for (int i = 0; i < n; i++) {
+        double inverse[DRIVEID_DISCRETE_COLUMNS_MAX], length_2 = 0;
+        for (int c = i; c < columns; c++) {
+            double value = c == i;
+            for (int k = i; k < c; k++) value -= inverse[k] * row[k][c];
+            inverse[c] = value / diagonal[c];
+            length_2 += inverse[c] * inverse[c];
+        }
+        const double below = i > 0 ? x[i - 1] / length[i - 1] : q, above = i + 1 < n ? x[i + 1] / length[i + 1] : !q;
+        worst = fmax(worst, sqrt(length_2 * moved) / fmax(fabs(x[i]), length[i] * sqrt(fabs(below * above))));
+    }
+    return worst;
+}
+
+driveid_status driveid_discrete_solve(const driveid_discrete_config *config, double row[][DRIVEID_DISCRETE_COLUMNS_MAX + 1], double square[][DRIVEID_DISCRETE_COLUMNS_MAX], double epsilon, double *theta, double *residual) {
+    const int rows = driveid_discrete_rows(config), columns = driveid_discrete_columns(config);
+    double diagonal[DRIVEID_DISCRETE_COLUMNS_MAX], length[DRIVEID_DISCRETE_COLUMNS_MAX], noise[DRIVEID_DISCRETE_COLUMNS_MAX], x[DRIVEID_DISCRETE_COLUMNS_MAX], least = SMALL;
     const driveid_status scaled = scale(row, square, rows, columns, epsilon, length, noise);
     if (scaled != DRIVEID_OK) return scaled;
     for (int c = 0; c < columns; c++) { /* Householder */
@@ -57,22 +79,23 @@ driveid_status driveid_discrete_solve(double row[][DRIVEID_DISCRETE_COLUMNS_MAX 
         if (norm < least) return DRIVEID_RANK;
         const double alpha = row[c][c] > 0 ? -norm : norm;
         row[c][c] -= alpha;
-        double square = 0;
-        for (int r = c; r < rows; r++) square += row[r][c] * row[r][c];
+        double reflector_2 = 0;
+        for (int r = c; r < rows; r++) reflector_2 += row[r][c] * row[r][c];
         for (int k = c + 1; k <= columns; k++) {
             double dot = 0;
             for (int r = c; r < rows; r++) dot += row[r][c] * row[r][k];
-            for (int r = c; r < rows; r++) row[r][k] -= 2 * dot / square * row[r][c];
+            for (int r = c; r < rows; r++) row[r][k] -= 2 * dot / reflector_2 * row[r][c];
         }
-        x[c] = alpha; /* diagonal of R; the reflector's column is not needed again */
+        diagonal[c] = alpha; /* of R; the reflector's column is not needed again */
     }
     double rest = 0;
     for (int r = columns; r < rows; r++) rest += row[r][columns] * row[r][columns];
     for (int c = columns; c-- > 0;) {
         double value = row[c][columns];
         for (int k = c + 1; k < columns; k++) value -= row[c][k] * x[k];
-        x[c] = value / x[c];
+        x[c] = value / diagonal[c];
     }
+    if (!(rounding_reach(config, row, diagonal, x, length, noise, columns) < ANSWER_REACH)) return DRIVEID_RANK;
     for (int c = 0; c < columns; c++) theta[c] = x[c] / length[c];
     *residual = sqrt(rest / rows);
     return DRIVEID_OK;

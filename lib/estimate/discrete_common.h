@@ -12,8 +12,8 @@ int driveid_discrete_rows(const driveid_discrete_config *config);
 const char *driveid_discrete_refusal(const driveid_discrete_config *config, int is_f32);
 
 /* Rows scaled to unit maximum, columns to unit length, Householder QR. square: of what was summed into row, in numbers of that epsilon.
- * DRIVEID_RANK leaves theta alone. row is overwritten. */
-driveid_status driveid_discrete_solve(double row[][DRIVEID_DISCRETE_COLUMNS_MAX + 1], double square[][DRIVEID_DISCRETE_COLUMNS_MAX], int rows, int columns,
+ * DRIVEID_RANK leaves theta alone: columns depend on each other, or rounding may move a denominator's coefficient by ANSWER_REACH. row is overwritten. */
+driveid_status driveid_discrete_solve(const driveid_discrete_config *config, double row[][DRIVEID_DISCRETE_COLUMNS_MAX + 1], double square[][DRIVEID_DISCRETE_COLUMNS_MAX],
                                       double epsilon, double *theta, double *residual);
 
 /* 97.5 % quantile of Student's t. */

@@ -9,10 +9,10 @@
  *           [EQ DIS-3, 9]; rows alpha+1 .. alpha+rows of the iterated sums (or 1/(z-gamma) filters, z only) [V.1, V.3, V.4], each scaled
  *           to unit maximum, solved by Householder QR with scaled columns. In q the differences act on the polynomial weights,
  *           in closed form, never on the data (summation by parts), so that f32 serves down to 1 ms.
- * Limits    q needs skipped >= n + 1 (the weights must vanish at the end of the block) and gamma = 1; configure refuses with the reason.
+ * Limits    the condition grows tenfold and more an order: at order 6 to 8 a block long against the slow modes gives DRIVEID_RANK, not an answer; z rarely answers there. q needs skipped >= n + 1 (the weights must vanish at the end of the block) and gamma = 1; configure refuses with the reason.
  *           z loses T_s^-4 of its digits (condition 3e10 at 10 ms, 1e16 at 0.5 ms, order 5): f32 is refused there above order 2.
  * Cost      a sample: rows * columns * (n+1)(n+2)/2 multiply-adds (q), rows * columns (z); one solve a block.
- * Accuracy  tests/paper/fliess.cpp (conditions of the paper's tables, poles, noise), f32 against f64 there. */
+ * Accuracy  tests/paper/fliess.cpp (conditions of the paper's tables, poles, noise), fliess_orders.cpp (6 to 8: poles to 1e-2 or DRIVEID_RANK), f32 against f64 there. */
 #ifndef DRIVEID_DISCRETE_H
 #define DRIVEID_DISCRETE_H
 
@@ -74,7 +74,7 @@ driveid_status driveid_discrete_configure_f64(driveid_discrete_f64 *self, const 
 driveid_status driveid_discrete_configure_f32(driveid_discrete_f32 *self, const driveid_discrete_config *config, char *reason, size_t reason_size);
 
 /* One sample. DRIVEID_OK: a block ended and its estimate is new; DRIVEID_NOT_YET: inside a block; DRIVEID_RANK: the block did not
- * excite all unknowns (a column, or what the others leave of it, is no more than the rounding of what was summed), it is dropped; DRIVEID_ERR_VALUE: not finite, the block starts anew. A gap is the caller's restart_block. */
+ * excite all unknowns (a column, or what the others leave of it, is no more than the rounding of what was summed), or rounding reaches the answer: it is dropped; DRIVEID_ERR_VALUE: not finite, the block starts anew. A gap is the caller's restart_block. */
 driveid_status driveid_discrete_update_f64(driveid_discrete_f64 *self, double y, double u);
 driveid_status driveid_discrete_update_f32(driveid_discrete_f32 *self, float y, float u);
 
