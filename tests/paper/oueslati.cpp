@@ -60,7 +60,7 @@ TEST(Oueslati, ForgettingOnlyCosts) {
     }
 }
 
-TEST(Oueslati, TheBoundIsMetByTheBestFit) { // one parameter's worth of a Gauss-Newton step from the truth, many seeds
+TEST(Oueslati, TheBoundIsThatOfTheMotionsOwnSensitivities) {
     const driveid_excitation e{w0, zeta, push, 1e-2, 1e-3, 1.0};
     for (double z : {0.5, 1.0, 2.0}) {
         double bound_w, bound_z;

@@ -116,6 +116,25 @@ TEST_P(Methods, SettlesOnTheTruth) {
     EXPECT_EQ(e.valid_mask, 3u);
 }
 
+TEST(Adm, SwitchesOffAfterItsTime) {
+    for (const double off_s : {0.0, 3.0}) { // 0: the default, 10 s
+        driveid_estimator_options o{};
+        o.dt_s = 1e-3, o.forgetting_s = off_s;
+        Bench run({"adm", DRIVEID_F64, 5e-3}, {}, 7);
+        char reason[200] = "";
+        const driveid_regression regression = axis(false);
+        ASSERT_EQ(driveid_estimator_configure(run.get(), run.memory.size(), "adm", DRIVEID_F64, &regression, &o, reason, sizeof reason), DRIVEID_OK) << reason;
+        while (run.t < 15 && run.step(run.torque()) != DRIVEID_FROZEN) {}
+        EXPECT_NEAR(run.t, off_s > 0 ? off_s : 10, 0.05);
+        driveid_estimate held{}, later{};
+        EXPECT_EQ(driveid_estimator_estimate(run.get(), &held), DRIVEID_FROZEN);
+        run.run(1);
+        EXPECT_EQ(driveid_estimator_estimate(run.get(), &later), DRIVEID_FROZEN);
+        EXPECT_EQ(later.theta[0], held.theta[0]);
+        EXPECT_EQ(later.t_ns, held.t_ns);
+    }
+}
+
 TEST_P(Methods, StampsMayJitter) {
     if (GetParam().type == DRIVEID_Q31) GTEST_SKIP() << "q31 takes one sample time";
     Scene s;

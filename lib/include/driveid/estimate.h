@@ -1,15 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Estimate and estimator: what every on-line method gives, and the one interface that runs any of them.
  *
- * Purpose   parameters of a drive's equations (regression.h) with 95 % interval and validity, sample by sample, for months. The daemon and Python
- *           choose method and number type by name. Storage is the caller's; no self-pointers: a copy is a snapshot.
+ * Purpose   parameters of a drive's equations (regression.h) with 95 % interval and validity, sample by sample, for months; method and number type by name.
  * Model     sum of factor * theta * d^k channel = 0, each equation behind the same filters; initial conditions unknown [EQ FSM-3].
  * Method    "fsm": frequency shifting in its economical form, docs/theory/frequency-shifting.md: filter bank with exact holds, prefilters of which
  *           each equation takes the best, scaled solve with rank, the highest derivative solved for through instruments [EQ FSM-39]; forgetting,
  *           rest, gaps, residual alarm with restart [LONG-RUN]. Its full form, with c from time zero, is fsm.h.
- *           "rls", "kalman": baselines on the same filters: recursive least squares with directional forgetting in square-root form; a random walk
- *           of the parameters in Joseph's form. Both are biased by noise of the differentiated channel; the bound is in their interval.
- *           "frequency": one or two sinusoids in one signal, f_Hz and amplitude of each as theta; its regression: frequency.h.
+ *           "window", "discrete": the last N samples weighed by integrals (Oueslati) or by sums in q (Fliess; block by block: discrete.h) that vanish at both ends of a
+ *           window of several lengths; rows accumulate. O(window): N multiply-adds a term in the sample that takes a row, every N/8; the O(1) recursion drifts and is not used.
+ *           "rls", "kalman": baselines on the same filters: square-root least squares with directional forgetting; a random walk of the parameters
+ *           (Joseph's form, no forgetting factor). Both are biased by noise of the differentiated channel; the bound is in their interval.
+ *           "adm": algebraic derivative, an unstable baseline; forgetting_s after its start it switches off: DRIVEID_FROZEN, theta held. "frequency": one or two sinusoids: frequency.h.
  * Parameters  SI. options.dt_s is needed, all others may be zero.
  * Returns   update: the status of the answer after this sample, or
  *             DRIVEID_NOT_YET   too little since start or alarm        DRIVEID_FROZEN     the drive rests: theta held, nothing learnt
@@ -18,8 +19,7 @@
  *           estimate: see driveid_estimate below. configure: DRIVEID_ERR_CONFIG and a sentence, DRIVEID_ERR_CAPACITY: storage too small.
  * Fixed point  fsm, window, discrete, rls: per unit of options.range in Q30, coefficients Q31, rows int32, sums Q46 in int64, rounding; saturations
  *           of readings counted (driveid_estimator_saturations), a row beyond its scale left out. One sample time. Orders that rounding rules out are refused.
- * Cost      docs/benchmark-estimator.md (driveid-bench-estimator, tools/bench): below half a microsecond a sample at 1 kHz for two parameters, solves included;
- *           state up to 163 kB, of which a rigid axis touches about 25 kB; stack of an update below 25 kB (of a q31 window's configure 36 kB). Many drives: fleet.h.
+ * Cost      docs/benchmark-estimator.md: fsm below half a microsecond a sample at 1 kHz for two parameters, solves included; state up to 163 kB, of which a rigid axis touches about 25 kB; stack of an update below 25 kB (of a q31 window's configure 36 kB). Many drives: fleet.h.
  * Accuracy  docs/intervals.md (coverage, width over the Cramer-Rao bound); tests/property: online_test, excitation_test, day_test; f32 against
  *           f64 within a quarter of the interval's half-width (tests/unit/estimator_test.cpp). */
 #ifndef DRIVEID_ESTIMATE_H
@@ -60,7 +60,7 @@ typedef enum driveid_real { DRIVEID_F64 = 0, DRIVEID_F32 = 1, DRIVEID_Q31 = 2 } 
 typedef struct driveid_estimator_options {
     double dt_s;           /* nominal sample time; the true one comes from the stamps */
     double bandwidth_rad_s;/* of the filter bank; 0: chosen from dt_s */
-    double forgetting_s;   /* memory of the long-running scheme; 0: default 10 s; INFINITY: never forget */
+    double forgetting_s;   /* memory of the long-running scheme; 0: default 10 s; INFINITY: never forget; adm: when it switches off */
     double answer_s;       /* time between solves; 0: 20 ms, or 3/bandwidth where that is longer */
     double gap_s;          /* a longer silence is a gap; 0: 5 dt_s */
     double alarm;          /* residual alarm threshold (monitor.h); 0: default, < 0: never restart */

@@ -7,7 +7,7 @@
  *           printed (12) has one omega_0 too many]. The paper's optimum Z = 1 holds for it only beyond some four periods; for 100 samples
  *           it is Z = 3.1, and lambda = 1 is always best.
  * Returns   DRIVEID_OK; DRIVEID_ERR_ARGUMENT. Cost: a few operations a sample; suggest: 123 bounds.
- * Accuracy  tests/paper/oueslati.cpp: NOTES' optima; the bound against a Monte Carlo of the best fit. */
+ * Accuracy  tests/paper/oueslati.cpp: NOTES' optima; the bound against sensitivities of a motion integrated there, to 1 %. */
 #ifndef DRIVEID_EXCITATION_H
 #define DRIVEID_EXCITATION_H
 
