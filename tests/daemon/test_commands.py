@@ -60,6 +60,10 @@ def test_a_model_file_is_taken(tmp_path):
     assert done.returncode == 0, done.stderr
     (tmp_path / "m.toml").write_text("structure = 3")
     assert "m.toml" in run("--check", "a.toml", cwd=tmp_path).stderr
+    for model, words in (("/dev/zero", "is no model file"), (".", "is no model file"), ("nosuch.toml", "cannot be read")):
+        (tmp_path / "b.toml").write_text((tmp_path / "a.toml").read_text().replace("m.toml", model))
+        done = run("--check", "b.toml", cwd=tmp_path)
+        assert done.returncode == 2 and words in done.stderr, done.stderr
 
 
 def test_the_manual_page_is_the_one_that_is_committed():

@@ -69,11 +69,12 @@ def test_events_reach_subscribers(running):
 
 def test_recording_by_command(running):
     control = running.control()
+    for bad in ("../x", "/tmp/x", "", ".hidden", "a/b", "x" * 300, "a\0b.drec", "a\nb"):
+        refused = control.ask("record_start", file=bad)
+        assert refused["ok"] is False and "bare name" in refused["message"], bad
     answer = control.ask("record_start", file="run")
     assert answer["ok"], answer
     assert control.ask("record_start", file="again")["error"] == "record"
-    for bad in ("../x", "/tmp/x", "", ".hidden", "a/b", "x" * 300):
-        assert control.ask("record_start", file=bad)["ok"] is False
     running.feed(Axis(), 500)
     running.settle(500)
     assert control.ask("mark", text="here")["ok"]
