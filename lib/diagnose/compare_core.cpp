@@ -274,9 +274,9 @@ void equation_errors(const driveid_model &model, EquationSet &set, Compared &out
 
 }  // namespace
 
-Compared compare_record(const driveid_model &model, const Prepared &record, bool quick) {
+Compared compare_record(const driveid_model &model, const Prepared &record, bool quick, double floor_share) {
   Compared out;
-  double share = 1;
+  double share = floor_share;
   EquationSet set;
   if (model.structure != DRIVEID_STRUCTURE_LTI) {
     set = make_equations(model, {record}, {});
@@ -332,6 +332,18 @@ ErrorSet together(const std::vector<ErrorSet> &sets, const std::vector<double> &
   mean(&ErrorSet::windows);
   mean(&ErrorSet::free_run);
   return out;
+}
+
+ordered_json simulated_errors(const driveid_model &model, const std::vector<Prepared> &records, const ordered_json &equation) {
+  if (records.empty()) return ordered_json::object();
+  const double rmse = equation.value("rmse", 0.0), floor = equation.contains("noise_floor") ? equation["noise_floor"][1].get<double>() : rmse;
+  const double share = rmse > 0 ? std::min(1.0, floor / rmse) : 1;
+  std::vector<ErrorSet> sets;
+  std::vector<double> rows;
+  for (const Prepared &p : records) sets.push_back(compare_record(model, p, true, share).errors), rows.push_back(double(p.rows));
+  ordered_json all = to_json(together(sets, rows));
+  all.erase("equation");
+  return all;
 }
 
 }  // namespace driveid::diagnose

@@ -38,7 +38,11 @@ struct Compared {
 Eigen::VectorXd equation_residual(const Equation &equation, const driveid_model &model);
 
 // record: one of those behind set. The simulation part alone where quick.
-Compared compare_record(const driveid_model &model, const Prepared &record, bool quick = false);
+// quick: the free run alone; floor_share: how much of the equation's error is floor, which is not looked for then.
+Compared compare_record(const driveid_model &model, const Prepared &record, bool quick = false, double floor_share = 1);
+
+// Free run over several records, for the error sets of explain and improve. equation: their own balance, whose share of floor the free run takes.
+nlohmann::ordered_json simulated_errors(const driveid_model &model, const std::vector<Prepared> &records, const nlohmann::ordered_json &equation);
 std::vector<ResidualTest> residual_tests(const Equation &equation, const Eigen::VectorXd &residual);
 
 nlohmann::ordered_json to_json(const ErrorObject &error);

@@ -214,4 +214,11 @@ Eigen::VectorXd delayed_target(const Equation &equation, double delay_s) {
   return out;
 }
 
+double rms_where(const Equation &e, const Eigen::VectorXd &r, bool held) {
+  double s = 0, n = 0;
+  for (std::size_t k = 0; k < e.rows; ++k)
+    if ((e.block_held_out[std::size_t(e.block[k])] != 0) == held) s += r[Eigen::Index(k)] * r[Eigen::Index(k)], n += 1;
+  return n > 0 ? std::sqrt(s / n) : 0;
+}
+
 }  // namespace driveid::diagnose

@@ -98,6 +98,9 @@ Eigen::VectorXd whiten(const Equation &equation, const Eigen::VectorXd &raw);
 Eigen::MatrixXd whiten(const Equation &equation, const Eigen::MatrixXd &raw);
 void fit_whitening(Equation &equation, const Eigen::VectorXd &residual, int order);
 void weigh_rows(Equation &equation);
+// RMS over the rows of the training records, or of those held out.
+double rms_where(const Equation &equation, const Eigen::VectorXd &residual, bool held_out);
+
 void mask_outliers(Equation &equation, const Eigen::VectorXd &residual);
 
 // The target with the input shifted by a further delay_s (positive: the response comes later than the input).

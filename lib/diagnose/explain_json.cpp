@@ -33,13 +33,6 @@ ordered_json head_json(const driveid_task &task, const Explanation &x) {
 
 namespace {
 
-double rms_where(const Equation &e, const Eigen::VectorXd &r, bool held) {
-  double s = 0, n = 0;
-  for (std::size_t k = 0; k < e.rows; ++k)
-    if ((e.block_held_out[std::size_t(e.block[k])] != 0) == held) s += r[Eigen::Index(k)] * r[Eigen::Index(k)], n += 1;
-  return n > 0 ? std::sqrt(s / n) : 0;
-}
-
 double level_where(const Equation &e, bool held) {   // of the drive, for fit in percent
   double s = 0, m = 0, n = 0;
   for (std::size_t k = 0; k < e.rows; ++k)
@@ -67,20 +60,6 @@ ordered_json equation_error(const Analysis &a, const Solution &s, bool held) {
   double rmse = rms_where(e, s.residual, held), level = level_where(e, held);
   double hi = std::min(a.floor.hi, rms_where(e, a.after.residual, held));
   return {{"rmse", rmse}, {"unit", e.unit}, {"signal", e.signal}, {"noise_floor", {std::min(a.floor.lo, hi), hi}}, {"fit_percent", level > 0 ? 100 * (1 - rmse / level) : 0.0}};
-}
-
-// Simulated errors come from compare, which owns simulation.
-ordered_json simulated_errors(const driveid_model &model, const std::vector<Prepared> &records) {
-  ordered_json out = ordered_json::object();
-  std::vector<ErrorSet> sets;
-  std::vector<double> rows;
-  for (const Prepared &p : records) sets.push_back(compare_record(model, p, true).errors), rows.push_back(double(p.rows));
-  if (sets.empty()) return out;
-  const ErrorSet all = together(sets, rows);
-  out["one_step"] = to_json(all.one_step);
-  out["windows"] = to_json(all.windows);
-  out["free_run"] = to_json(all.free_run);
-  return out;
 }
 
 ordered_json where_json(const Explanation &x) {
@@ -133,8 +112,9 @@ ordered_json explanation_json(const Explanation &x, const driveid_task &task, co
     before[key] = {{"equation", equation_error(*lead, lead->before, held)}};
     after[key] = {{"equation", equation_error(*lead, lead->after, held)}};
     if (options.errors) {
-      before[key].update(simulated_errors(x.model, held ? x.held_out : x.training));
-      after[key].update(x.added == 0 ? simulated_errors(x.model, held ? x.held_out : x.training) : simulated_errors(x.grown, held ? x.held_out : x.training));
+      const std::vector<Prepared> &records = held ? x.held_out : x.training;
+      before[key].update(simulated_errors(x.model, records, before[key]["equation"]));
+      after[key].update(simulated_errors(x.added == 0 ? x.model : x.grown, records, after[key]["equation"]));
     }
   }
   j["error_before"] = before;

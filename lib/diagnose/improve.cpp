@@ -38,28 +38,6 @@ bool fit_again(const driveid_task &task, const std::string &toml, std::string &f
   return ok;
 }
 
-ordered_json errors_of(const std::string &toml, const std::vector<Prepared> &records) {
-  ordered_json out = ordered_json::object();
-  driveid_model model;
-  char message[300];
-  if (records.empty() || driveid_model_read(toml.c_str(), &model, message, sizeof message) != DRIVEID_OK) return out;
-  std::vector<ErrorSet> sets;
-  std::vector<double> rows;
-  for (const Prepared &p : records) sets.push_back(compare_record(model, p, true).errors), rows.push_back(double(p.rows));
-  const ErrorSet all = together(sets, rows);
-  out["one_step"] = to_json(all.one_step);
-  out["windows"] = to_json(all.windows);
-  out["free_run"] = to_json(all.free_run);
-  return out;
-}
-
-double rms_where(const Equation &e, const Eigen::VectorXd &r, bool held) {
-  double s = 0, n = 0;
-  for (std::size_t k = 0; k < e.rows; ++k)
-    if ((e.block_held_out[std::size_t(e.block[k])] != 0) == held) s += r[Eigen::Index(k)] * r[Eigen::Index(k)], n += 1;
-  return n > 0 ? std::sqrt(s / n) : 0;
-}
-
 ordered_json equation_set(const Analysis &a, const Solution &s, bool held) {
   const Equation &e = a.search->equation();
   double level = 0;
@@ -94,11 +72,12 @@ ordered_json improve(const driveid_task &task, const Options &options, const Exp
     ordered_json s = {{"step", steps.size()}, {"effect", effect.empty() ? ordered_json(nullptr) : ordered_json(effect)}, {"parameters", parameters}};
     ordered_json t = training, h = held;
     if (options.errors) {
-      const ordered_json simulated = errors_of(toml, x.training), unseen = errors_of(toml, x.held_out);
-      for (auto &[k, v] : simulated.items())
-        if (k != "equation") t[k] = v;
-      for (auto &[k, v] : unseen.items())
-        if (k != "equation") h[k] = v;
+      driveid_model model;
+      char message[300];
+      if (driveid_model_read(toml.c_str(), &model, message, sizeof message) == DRIVEID_OK) {
+        t.update(simulated_errors(model, x.training, t["equation"]));
+        h.update(simulated_errors(model, x.held_out, h["equation"]));
+      }
     }
     s["errors"] = {{"training", t}, {"held_out", h}};
     s["training"] = t;

@@ -27,3 +27,6 @@ def test_free_run_falls_with_the_effect_that_explain_names(tmp_path):
         assert after < 0.5 * before, (side, before, after)  # a drift of three times the noise carries more than half of the drift of the angle
     as_given = driveid.compare(model, training).document["records"][0]["free_run"]["rmse"]
     assert answer.document["error_before"]["training"]["free_run"]["rmse"] == pytest.approx(as_given, rel=1e-6)
+    for before in answer.document["error_before"].values():  # as far from its floor as the balance is: an error that an effect makes is not the floor's
+        balance, free = before["equation"], before["free_run"]
+        assert free["noise_floor"][1] / free["rmse"] == pytest.approx(balance["noise_floor"][1] / balance["rmse"], rel=0.05)
